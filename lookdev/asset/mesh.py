@@ -28,7 +28,7 @@ class Subdivision:
     - scheme, interpolate_boundary, face_varying, triangle_rule: the values of UsdGeom.Mesh's subdivisionScheme,
       interpolateBoundary, faceVaryingLinearInterpolation and triangleSubdivisionRule
     - crease_edges (e, 2), corner_points (c,): the sharp edges and the sharp points, as indices of points
-    - crease_sharpness (e,), corner_sharpness (c,): the sharpness of each of them; 10 is infinite
+    - crease_sharpness (e,), corner_sharpness (c,): the sharpness of each edge and of each point; 10 is infinite
     - holes (h,): the indices of faces that are refined with the others but are not part of the surface
     - interpolation: from the name of each UV set and primvar to its interpolation; with `faceVarying`, corners with
       equal values at one point share a value: there is no seam between these corners
@@ -112,8 +112,8 @@ class Instance:
 class Slot:
     """A part of an asset to which one material is assigned.
 
-    `path` is the path of a mesh or GeomSubset, in the first instance if several instances share the slot.
-    `material` is the prim path of the material that the asset's file binds to it, or None if the file binds nothing.
+    `path` is the path of a mesh or GeomSubset, in the first instance if several instances share the slot. `material` is
+    the prim path of the material that the asset's file binds to the part, or None if the file binds nothing.
     """
 
     path: str

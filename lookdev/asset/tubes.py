@@ -22,7 +22,7 @@ _MAX_CUT = 4.0
 
 @dataclass(frozen=True, eq=False)
 class CurveSamples:
-    """The r samples of c curves, in order along each curve.
+    """The r samples, called rings, of c curves, in order along each curve.
 
     - positions (r, 3): points on the curve
     - directions (r, 3): unit tangents of the curve

@@ -74,7 +74,7 @@ def _prim_problems(
 ) -> Iterator[str]:
     """Yield a problem if the first clip has no prim at `path` or cannot be read.
 
-    Only the first clip is opened. The others, possibly thousands, are opened by USD when they are needed.
+    Only the first clip is opened. USD opens the others, possibly thousands, when it needs them.
     """
     first = next((asset for asset in assets if asset.resolvedPath), None)
     if first is None:

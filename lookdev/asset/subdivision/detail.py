@@ -157,9 +157,9 @@ def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel_si
 def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floats, max_levels: Indices) -> Indices:
     """Return the level (k,) that the surface of each of k cages needs.
 
-    The cages have equal rules, and neither UVs nor primvars.
-    `pixel_sizes` (k,) are metres of object space per pixel. `longest_edges` (k,) are the greatest allowed lengths of
-    edges, in pixels. `max_levels` (k,) are the highest allowed levels.
+    The cages have equal rules, and neither UVs nor primvars. `pixel_sizes` (k,) are metres of object space per pixel.
+    `longest_edges` (k,) are the greatest allowed lengths of edges, in pixels. `max_levels` (k,) are the highest allowed
+    levels.
     """
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
@@ -225,7 +225,8 @@ def _texture_levels(meshes: list[Mesh], pixel_sizes: Floats, max_level: int) -> 
     assert subdivision is not None, "a batch has cages only"
     control = join_cages(meshes)
     is_visible, refined_columns = refined_values(control, subdivision)
-    # The corners of visible faces, each the start of an edge, and the index in `corners` of the edge's end.
+    # `corners` are the corners of visible faces. An edge starts at each corner, and `following` is the index in
+    # `corners` of the edge's end.
     corners, following = np.flatnonzero(np.repeat(is_visible, control.sizes)), next_corners(control.sizes[is_visible])
     first = first_child(corners, subdivision.scheme == "loop")
     points = control.points[control.corners[corners]]
