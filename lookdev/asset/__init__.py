@@ -21,7 +21,7 @@ __all__ = ["BUILTINS", "Asset", "Instance", "Mesh", "Slot", "load_asset", "make_
 
 
 def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | None = None) -> Asset:
-    """Return an asset from a USD file (the whole stage, or the prim at path `prim`) or a built-in by its name.
+    """Return the asset of a USD file (the whole stage, or the prim at path `prim`), or a built-in asset by name.
 
     Subdivision surfaces are not refined: the asset has the polygons of their control cages.
 

@@ -1,7 +1,7 @@
-"""Computes the smallest sphere around an asset; a camera that frames it shows the asset in one size over a turntable.
+"""Computes the smallest sphere around an asset, and the vertical axis of a turntable.
 
-`bounding_sphere` finds the sphere, and `center_asset` moves its centre to the world origin. `turning_axis` is the axis
-of a turntable.
+A camera that frames the sphere shows the asset in one size over a turntable. `bounding_sphere` finds the sphere, and
+`center_asset` moves the asset so that the sphere's centre is the world origin. `turning_axis` finds the axis.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from lookdev.arrays import Floats, Floats32
 from lookdev.asset.mesh import Asset, Instance, Mesh
 from lookdev.asset.silhouette import hull_points
 
-_MAX_ROUNDS = 100  # of the search for the smallest ball
-_TOLERANCE = 1e-7  # relative to the ball's radius: points farther out by less count as inside
+_MAX_ROUNDS = 100  # the most rounds of the search for the smallest ball
+_TOLERANCE = 1e-7  # relative to the ball's radius: a point that is outside by less counts as inside
 
 
 def bounding_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tuple[tuple[float, float, float], float]:
     """Return centre and radius, in metres, of the smallest sphere around the faces of all instances.
 
-    `smallest_ball` rounds the centre; the radius reaches all points from the rounded centre.
+    The centre is rounded (`smallest_ball`). The radius is the distance from the rounded centre to the farthest point.
     """
     (x, y, z), radius = smallest_ball(hull_points(meshes, instances))
     return (x, y, z), radius
@@ -45,7 +45,7 @@ def smallest_ball(points: Floats) -> tuple[list[float], float]:
     The support is the few points on the ball's surface that determine the ball. The first support is the point farthest
     from the mean of all points. Each round adds the point farthest from the current centre, until no point lies outside
     (Gärtner, "Fast and Robust Smallest Enclosing Balls", 1999). The centre is rounded to a millionth of the radius, so
-    that it does not depend on the machine's linear algebra.
+    that the result does not depend on the machine's linear algebra.
     """
     coordinates = np.ascontiguousarray(points.T)
 

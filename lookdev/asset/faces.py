@@ -1,7 +1,7 @@
 """Finds the valid faces of shapes, and the values of attributes at the corners of these faces, for `finish`.
 
 A face is dropped if it has fewer than three corners, has the same point twice, or repeats the corners of an earlier
-face in the same order. Holes are dropped too, except those of control cages. The arrays of many shapes are
+face in the same order. Holes are dropped too, except in control cages. The arrays of many shapes are
 concatenated, so that one NumPy call serves many small shapes.
 """
 
@@ -23,13 +23,14 @@ from lookdev.errors import AssetError
 class Faces:
     """The valid faces of shapes, concatenated in the order of the shapes.
 
-    There are s shapes, and f valid faces with m corners. "All" points, faces and corners are those of all shapes,
-    valid or not, concatenated in the order of the shapes.
+    There are s shapes, with f valid faces that have m corners altogether. "All" points, faces and corners are the
+    concatenated points, faces and corners of the shapes, including faces that are not valid.
 
-    - all_points, all_faces, all_corners (s + 1,): the index of each shape's first element among all points, faces and
-      corners; the last entry is their total number
-    - faces, corners (s + 1,): the index of each shape's first valid face among the valid faces, and of its first corner
-      among the corners of the valid faces; the last entry is the total number
+    - shapes: the s shapes
+    - all_point_starts, all_face_starts, all_corner_starts (s + 1,): the index of each shape's first point, face and
+      corner among all points, faces and corners; the last entry is the total number
+    - face_starts, corner_starts (s + 1,): the index of each shape's first valid face among the valid faces, and of that
+      face's first corner among the corners of the valid faces; the last entry is the total number
     - sizes (f,): the number of corners of each valid face
     - face_source (f,): the index of each valid face among all faces
     - corner_source (m,): the index of each corner of a valid face among all corners; None if it is the identity
@@ -59,14 +60,14 @@ class Faces:
         counts = np.array(
             [(len(shape.points), len(shape.face_sizes), len(shape.face_points)) for shape in shapes], np.intp
         )
-        point_starts, all_faces, all_corners = np.vstack([np.zeros(3, np.intp), counts.cumsum(axis=0)]).T
+        point_starts, all_face_starts, all_corner_starts = np.vstack([np.zeros(3, np.intp), counts.cumsum(axis=0)]).T
         sizes = concatenate([shape.face_sizes for shape in shapes]).astype(np.intp, copy=False)
         points = concatenate([shape.face_points for shape in shapes]).astype(np.intp, copy=False)
-        _check_sizes(shapes, sizes, all_faces)
-        _check_range(shapes, points, np.diff(all_corners), counts[:, 0], "faceVertexIndices", "points")
+        _check_sizes(shapes, sizes, all_face_starts)
+        _check_range(shapes, points, np.diff(all_corner_starts), counts[:, 0], "faceVertexIndices", "points")
         if len(shapes) > 1:
             points += np.repeat(point_starts[:-1], counts[:, 2])
-        holes = _hole_mask(shapes, all_faces)
+        holes = _hole_mask(shapes, all_face_starts)
 
         is_cage = np.array([shape.subdivision is not None for shape in shapes])
         is_valid = (sizes >= 3) & ~(holes & ~np.repeat(is_cage, counts[:, 1]))
@@ -82,14 +83,16 @@ class Faces:
             corner_source = np.where(is_reversed, sums - corner_source, corner_source)[np.repeat(is_valid, sizes)]
             points = points[corner_source]
         face_source = np.flatnonzero(is_valid)
-        faces = np.searchsorted(face_source, all_faces)
+        face_starts = np.searchsorted(face_source, all_face_starts)
         sizes = sizes[is_valid]
-        corners = np.concatenate([[0], np.cumsum(sizes)])[faces]
-        starts = point_starts, all_faces, all_corners
-        return cls(shapes, *starts, faces, corners, sizes, face_source, corner_source, points, holes[is_valid])
+        corner_starts = np.concatenate([[0], np.cumsum(sizes)])[face_starts]
+        starts = point_starts, all_face_starts, all_corner_starts
+        return cls(
+            shapes, *starts, face_starts, corner_starts, sizes, face_source, corner_source, points, holes[is_valid]
+        )
 
     def corner_values(self, attributes: Sequence[tuple[int, Attribute]]) -> list[Floats32]:
-        """Return the values of each attribute at the corners of its shape's valid faces: arrays (c,) or (c, width).
+        """Return, for each attribute, its values (c,) or (c, width) at the c corners of its shape's valid faces.
 
         `attributes` are pairs: the number of a shape, and an attribute of that shape. All attributes have values of the
         same width, which is the number of components.
@@ -97,7 +100,8 @@ class Faces:
         Raises
         ------
         AssetError
-            An attribute has the wrong number of values, or a value that is not finite. The message has a line for each.
+            An attribute has the wrong number of values, or a value that is not finite. The message has a line for each
+            such attribute.
         """
         shape_numbers = np.array([shape_number for shape_number, _ in attributes], np.intp)
         raise_faults(
@@ -126,10 +130,10 @@ class Faces:
         return np.split(values.take(index, axis=0), np.cumsum(counts)[:-1])
 
     def _value_indices(self, element: int, shape_numbers: Indices, value_starts: Indices) -> Indices:
-        """Return the index of the value at each corner of the valid faces of some shapes, in the concatenated values.
+        """Return indices into the concatenated values of k shapes: one for each corner of the shapes' valid faces.
 
-        `shape_numbers` (k,) are the numbers of these shapes; `value_starts` (k,) are the indices of their first values.
-        The values belong to one type of element: `element` is its number in `_ELEMENT_NUMBERS`.
+        `shape_numbers` (k,) has the number of each shape, and `value_starts` (k,) the index of its first value. All
+        values belong to elements of one type, which has the number `element` in `_ELEMENT_NUMBERS`.
         """
         counts = np.diff(self.corner_starts)[shape_numbers]
         if element == 0:
@@ -150,7 +154,7 @@ class Faces:
         return indices + np.repeat(shift, counts) if shift.any() else indices
 
     def _count_fault(self, number: int, attribute: Attribute) -> str:
-        """Return the fault of an attribute with the wrong number of values for shape `number`; "" if it is right."""
+        """Return the fault if the interpolation or the number of values is wrong for shape `number`, or else ""."""
         shape, name = self.shapes[number], self._name(number, attribute)
         if attribute.interpolation not in _ELEMENT_NUMBERS:
             names = ", ".join(_ELEMENT_NUMBERS)
@@ -172,7 +176,7 @@ _ELEMENT_NUMBERS = {"constant": 0, "uniform": 1, "varying": 2, "vertex": 2, "fac
 
 
 def first_in_runs(positions: Indices, begins: Indices) -> list[tuple[int, int]]:
-    """Return the first position in each run that has one, as pairs: the run's number, and the offset in the run.
+    """Return a pair for each run that has a position: the run's number, and the first position's offset in the run.
 
     `positions` are sorted indices into an array of consecutive runs, which start at the indices `begins`.
     """
@@ -230,7 +234,7 @@ def raise_faults(faults: Iterable[str]) -> None:
 
 
 def _hole_mask(shapes: Sequence[PolygonShape], face_begins: Indices) -> Bools:
-    """Return whether each of the faces of all shapes (f,) is a hole."""
+    """Return which faces (f,) of the concatenated shapes are holes; `face_begins` (s + 1,) is as in `_check_sizes`."""
     holes_by_shape = [np.zeros(0, np.intp) if shape.holes is None else shape.holes for shape in shapes]
     lengths, limits = np.array([len(holes) for holes in holes_by_shape]), np.diff(face_begins)
     indices = np.concatenate(holes_by_shape).astype(np.intp)
@@ -243,8 +247,9 @@ def _hole_mask(shapes: Sequence[PolygonShape], face_begins: Indices) -> Bools:
 def _distinct_faces(points: Indices, sizes: Indices) -> Bools:
     """Return which faces (f,) have no point twice and do not repeat the corners of an earlier face in the same order.
 
-    Faces are compared by a 64-bit hash, the sum of the hashes of a face's directed edges. It is the same whichever
-    corner a face starts with. `points` (m,) is the point at each corner; `sizes` (f,) is the number of corners.
+    Faces are compared by a 64-bit hash, which is the sum of the hashes of a face's directed edges. The sum does not
+    depend on the corner with which a face starts. `points` (m,) is the point at each corner; `sizes` (f,) is the number
+    of corners of each face.
     """
     distinct, key = np.ones(len(sizes), bool), np.zeros(len(sizes), np.uint64)
     for faces, corners in face_blocks(sizes):
@@ -257,7 +262,7 @@ def _distinct_faces(points: Indices, sizes: Indices) -> Bools:
             points_of_faces = block_points[starts[faces_of_size] + np.arange(size)[:, None]]
             sorted_points = np.sort(points_of_faces, axis=0)
             distinct[faces][faces_of_size] = (sorted_points[1:] != sorted_points[:-1]).all(axis=0)
-            # A directed edge is one number of 64 bits, of its two points.
+            # A directed edge becomes one number of 64 bits: 32 bits for each of its two points.
             edges = points_of_faces << np.uint64(32) | np.roll(points_of_faces, -1, axis=0)
             # 1 is added since the hash of 0 is 0: an edge from point 0 to itself would not count.
             key[faces][faces_of_size] = mix_bits(edges + np.uint64(1)).sum(axis=0)

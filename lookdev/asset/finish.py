@@ -25,10 +25,10 @@ _Vectors = TypeVar("_Vectors", Floats, Floats32)
 def make_meshes(shapes: Sequence[PolygonShape], y_up: bool = False) -> list[Mesh | None]:
     """Return a mesh for each shape, None for a shape without a valid face.
 
-    The mesh's `face_slots` are the numbers in `PolygonShape.parts`; the caller renumbers them to slots of the asset.
-    With `y_up` the shapes' y axis becomes the meshes' z axis, and the shapes' z axis the meshes' -y axis. In USD the
-    winding decides which side is outside: a shape's normals are flipped if they mostly point against the winding. A
-    mesh with a subdivision has the smooth normals of its control cage.
+    The `face_slots` of a mesh are the part numbers in `PolygonShape.face_parts`; the caller replaces them by slots of
+    the asset. With `y_up` the shapes' y axis becomes the meshes' z axis, and the shapes' z axis the meshes' -y axis. In
+    USD the winding decides which side is outside: a shape's authored normals are all flipped if they mostly point
+    against the winding. A mesh with a subdivision has the smooth normals of its control cage.
 
     Raises
     ------
@@ -48,7 +48,7 @@ def make_meshes(shapes: Sequence[PolygonShape], y_up: bool = False) -> list[Mesh
 
 
 def _shape_faults(shapes: Sequence[PolygonShape], y_up: bool) -> Iterator[str]:
-    """Yield the faults of shapes, converted one by one: in a batch, the fault of one shape can hide those of others."""
+    """Yield the faults of shapes, converted one at a time; in a batch, a fault of one shape can hide other faults."""
     for shape in shapes:
         try:
             _make_batch([shape], y_up)
@@ -57,12 +57,12 @@ def _shape_faults(shapes: Sequence[PolygonShape], y_up: bool) -> Iterator[str]:
 
 
 def _make_batch(shapes: Sequence[PolygonShape], y_up: bool) -> list[Mesh | None]:
-    """Return the meshes of `make_meshes` for shapes that are processed together, in concatenated arrays."""
+    """Return the same meshes as `make_meshes`; the shapes' arrays are concatenated and processed together."""
     faces = Faces.collect(shapes)
     if len(faces.sizes) == 0:
         return [None] * len(shapes)
-    # Only used points are kept. `point_numbers` is the number of each point among them, and `point_starts` the number
-    # of the first used point of each shape.
+    # Only used points are kept. `point_numbers` is the number of each point among the used points, and `point_starts`
+    # the number of each shape's first used point.
     point_numbers, used_points = _used_points(faces)
     points, corner_points = concatenate([shape.points for shape in shapes]), faces.corner_points
     if len(used_points) < len(points):
@@ -148,7 +148,7 @@ def _corner_attributes(shapes: Sequence[PolygonShape], faces: Faces) -> list[dic
 
     Attributes of equal name and width are processed together.
     """
-    # By name and width: pairs of the number of a shape and its attribute.
+    # By name and width: pairs of the number of a shape and an attribute of that shape.
     groups: dict[tuple[str, tuple[int, ...]], list[tuple[int, Attribute]]] = {}
     for number, shape in enumerate(shapes):
         for attribute in shape.attributes:
@@ -166,10 +166,10 @@ def _corner_normals(
     """Return unit normals (m, 3) at the corners: authored, flat or smooth normals, as `PolygonShape` describes.
 
     `points` (n, 3) are the used points, and `corner_points` (m,) indexes them. Where an authored normal has no length,
-    or a smooth one is not defined, the corner has the normal of its face.
+    or a smooth normal is not defined, the corner has the normal of its face.
     """
-    # Of the shapes: whether each has smooth normals, and the number and normals of those with authored ones. Of the
-    # faces: `flat` are their unit normals, `areas` their area vectors.
+    # `smooth` (s,) is whether each shape gets smooth normals. `authored` has the numbers and the normals of the shapes
+    # with authored normals. `flat` has the unit normal of each face, and `areas` the area vector of each face.
     smooth = np.array([shape.normals is None and not shape.flat for shape in shapes])
     authored = [(i, shape.normals) for i, shape in enumerate(shapes) if shape.normals is not None]
     flat = np.empty((len(faces.sizes), 3), np.float32)
@@ -180,7 +180,7 @@ def _corner_normals(
         if areas is not None:
             areas[block] = block_areas
     if areas is not None and smooth.any():
-        # The smooth unit normal of each point, where there is one.
+        # `units` has the smooth unit normal of each point; `has_normal` is whether it is defined.
         sums = sum_by(corner_points, np.repeat(areas, faces.sizes, axis=0), len(points))
         units = normalize_or(sums, np.zeros(3)).astype(np.float32)
         has_normal = (sums != 0.0).any(axis=1)
@@ -205,7 +205,7 @@ def _corner_normals(
 
 
 def _uv_sets(shape: PolygonShape, values: Mapping[str, Floats32]) -> dict[str, Floats32]:
-    """Return the UV sets of a shape, from a name to the values at corners; the default set comes first."""
+    """Return a shape's UV sets, from each name to its values (m, 2) at corners; the default set comes first."""
     names = sorted(
         (attribute.name for attribute in shape.attributes if attribute.is_uv), key=lambda name: name != shape.default_uv
     )
@@ -213,10 +213,11 @@ def _uv_sets(shape: PolygonShape, values: Mapping[str, Floats32]) -> dict[str, F
 
 
 def _renumber_rules(shape: PolygonShape, rules: Subdivision, point_numbers: Indices, holes: Indices) -> Subdivision:
-    """Return the subdivision rules of a cage with renumbered points, without creases and corners of sharpness 0.
+    """Return the subdivision rules of a cage whose points have new numbers, with the shape's interpolations.
 
-    `point_numbers` (n,) is the new number of each point of the shape, negative if no face uses the point. `holes` (h,)
-    are the numbers of the faces that are holes.
+    Creases and corners of sharpness 0 are left out, and also those at points that no face uses. `point_numbers` (n,) is
+    the new number of each point of the shape, negative if no face uses the point. `holes` (h,) are the numbers of the
+    faces that are holes.
     """
     edges, corners = point_numbers[rules.crease_edges], point_numbers[rules.corner_points]
     has_crease = (edges >= 0).all(axis=1) & (rules.crease_sharpness > 0.0)

@@ -1,7 +1,7 @@
 """Joins the small meshes of an asset into a few large ones, which cost a renderer less.
 
-For a renderer, the cost of another mesh is greater than that of a thousand more faces. `move_stretch_to_meshes`, also
-here, changes the meshes so that instances need no stretch.
+For a renderer, one more mesh costs more than a thousand more faces. `move_stretch_to_meshes` applies the stretch of
+instances to the points of their meshes.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 from lookdev.arrays import Floats, Floats32
 from lookdev.asset.mesh import Asset, Instance, Mesh
 
-# Fewer meshes than `_MIN_MESHES` are not joined, nor are meshes of more faces than `_MAX_FACES`.
+# Meshes of at most `_MAX_FACES` faces are joined, if there are at least `_MIN_MESHES` of them.
 _MIN_MESHES, _MAX_FACES = 64, 1000
-_JOINED_CORNERS = 1 << 20  # corners of a joined mesh: more are not added, since its arrays are computed in float64
-# The largest step of float32 at the asset's radius, relative to the edge length of a mesh that is joined. A larger step
-# would bend the facets: a joined mesh has its points in world space.
+_JOINED_CORNERS = 1 << 20  # a joined mesh with this many corners gets no more: its arrays are computed in float64
+# A joined mesh has its points in world space, where a large step of float32 would bend the facets. This is the largest
+# step at the asset's radius, relative to the edge length of a mesh that is joined.
 _MAX_STEP = 1e-3
 
 
@@ -27,8 +27,8 @@ def join_small_meshes(asset: Asset) -> Asset:
 
     The given asset is centred at the origin. Meshes are joined if their UV sets and primvars have the same names, and
     all or none have tangents. A mesh is not joined if its instance reflects it, or if it is too fine for float32 at the
-    asset's radius. Normals are transformed by the inverse transpose of the instance's matrix and not normalised: so an
-    interpolated normal has the direction that it would have if it were transformed after interpolation.
+    asset's radius. Normals are transformed by the inverse transpose of the instance's matrix, and are not normalised.
+    An interpolated normal therefore has the same direction as if normals were transformed after interpolation.
     """
     mesh_numbers = np.array([instance.mesh for instance in asset.instances])
     matrices = np.array([instance.matrix for instance in asset.instances])
@@ -57,10 +57,11 @@ def join_small_meshes(asset: Asset) -> Asset:
 
 
 def move_stretch_to_meshes(asset: Asset, meshes: Container[int]) -> Asset:
-    """Return an asset in which the matrices of all instances of the given meshes, by number, preserve angles.
+    """Return the asset, changed so that the matrices of all instances of the given meshes preserve angles.
 
-    If a matrix does not preserve angles, its stretch is applied to the points of a new mesh, and the instance of that
-    mesh keeps the rotation or reflection.
+    `meshes` has the numbers of the given meshes. If a matrix does not preserve angles, its stretch is applied to the
+    points of a new mesh. The instance then refers to the new mesh, and its matrix keeps the rotation or reflection
+    and the translation.
     """
     new_meshes, instances = list(asset.meshes), list[Instance]()
     # By the number of a mesh and the bytes of a stretch: the number of the stretched mesh.
@@ -81,9 +82,9 @@ def move_stretch_to_meshes(asset: Asset, meshes: Container[int]) -> Asset:
 
 
 def _join_groups(asset: Asset, instances: Sequence[int]) -> Iterator[list[int]]:
-    """Yield groups of the given instances, by number; the meshes of a group are joined to one."""
-    # By layout, that is whether a mesh has tangents, its UV sets, and its primvars with their dimensions: the instances
-    # of the unfinished group, and the number of its corners.
+    """Yield groups of the given instances, as lists of numbers; the meshes of a group are joined to one mesh."""
+    # The layout of a mesh is whether it has tangents, its UV sets, and its primvars with their dimensions. By layout:
+    # the instances of the unfinished group, and the number of corners of their meshes.
     groups: dict[object, list[int]] = {}
     corners: dict[object, int] = {}
     for i in instances:
@@ -99,7 +100,7 @@ def _join_groups(asset: Asset, instances: Sequence[int]) -> Iterator[list[int]]:
 
 
 def _join_meshes(meshes: Sequence[Mesh], matrices: Floats) -> Mesh:
-    """Return one mesh that joins k meshes, each transformed by its matrix, from matrices (k, 4, 4)."""
+    """Return one mesh that joins k meshes; `matrices` (k, 4, 4) has the matrix that transforms each mesh."""
     linear, offsets = matrices[:, :3, :3], matrices[:, :3, 3]
     # Only the directions of normals and tangents matter; the scales bring their lengths near 1.
     scales = np.cbrt(np.linalg.det(linear))[:, None, None]
@@ -108,7 +109,7 @@ def _join_meshes(meshes: Sequence[Mesh], matrices: Floats) -> Mesh:
     corners = np.array([len(mesh.corner_points) for mesh in meshes])
 
     def transform(name: str, matrices: Floats) -> Floats32:
-        """Return the normals or tangents (m, 3) of all meshes, each mesh's transformed by its matrix (k, 3, 3)."""
+        """Return the normals or tangents (m, 3) of all k meshes, transformed by the meshes' matrices (k, 3, 3)."""
         vectors = np.concatenate([getattr(mesh, name) for mesh in meshes])
         return np.asarray(np.einsum("nij,nj->ni", np.repeat(matrices, corners, axis=0), vectors), np.float32)
 

@@ -23,12 +23,15 @@ Interpolation = Literal["constant", "uniform", "varying", "vertex", "faceVarying
 
 @dataclass(frozen=True, eq=False)
 class Subdivision:
-    """The subdivision rules of a mesh, which is then a control cage. The names are those of UsdGeom.Mesh.
+    """The subdivision rules of a mesh, which is then a control cage.
 
-    crease_edges (e, 2) and corner_points (c,) index into the points of the mesh; a sharpness (e,) or (c,) of 10 is
-    infinite. holes (h,) are faces that are refined with the others but are not part of the surface. `interpolation`
-    maps the name of each UV set and primvar to its interpolation. With `faceVarying`, corners with equal values at one
-    point share a value: there is no seam between them.
+    - scheme, interpolate_boundary, face_varying, triangle_rule: the values of UsdGeom.Mesh's subdivisionScheme,
+      interpolateBoundary, faceVaryingLinearInterpolation and triangleSubdivisionRule
+    - crease_edges (e, 2), corner_points (c,): the sharp edges and the sharp points, as indices of points
+    - crease_sharpness (e,), corner_sharpness (c,): the sharpness of each edge and of each point; 10 is infinite
+    - holes (h,): the indices of faces that are refined with the others but are not part of the surface
+    - interpolation: from the name of each UV set and primvar to its interpolation; with `faceVarying`, corners with
+      equal values at one point share a value: there is no seam between these corners
     """
 
     scheme: Scheme
@@ -109,8 +112,8 @@ class Instance:
 class Slot:
     """A part of an asset to which one material is assigned.
 
-    `path` is the path of a mesh or GeomSubset; if instances share the slot, it is the path in the first instance.
-    `material` is the prim path of the material that the asset's file binds to it, or None if the file binds nothing.
+    `path` is the path of a mesh or GeomSubset, in the first instance if several instances share the slot. `material` is
+    the prim path of the material that the asset's file binds to the part, or None if the file binds nothing.
     """
 
     path: str
@@ -119,7 +122,7 @@ class Slot:
 
 @dataclass(frozen=True, eq=False)
 class Asset:
-    """The geometry of a render. `center` and `radius` are the smallest sphere around its faces, in metres.
+    """The geometry of a render. `center` and `radius` describe the smallest sphere around the faces, in metres.
 
     `convex` is True only if reflected light never meets the surface again. `sheet` is True only if transmitted light
     does not meet the surface again either, as with a flat card; a convex sheet has no indirect light. `revolved` is

@@ -17,10 +17,10 @@ from lookdev.arrays import Floats, Indices, Ints, Ints32, Reals
 AnyInts = Ints | Ints32 | Indices
 _Number = TypeVar("_Number", bound=np.generic)
 
-_BLOCK_CORNERS = 1 << 13  # the corners of a slice of faces that `face_blocks` yields
-_BATCH_CORNERS = 1 << 18  # the corners of a slice of meshes that `batch_slices` yields
-# The most corners of a face for `_same_size_area_vectors`. NumPy adds up to seven numbers in their order, whatever
-# their layout in memory.
+_BLOCK_CORNERS = 1 << 13  # the most corners of a slice of several faces that `face_blocks` yields
+_BATCH_CORNERS = 1 << 18  # with this many corners, a slice of meshes that `batch_slices` yields is complete
+# The most corners of a face for `_same_size_area_vectors`. NumPy adds seven or fewer numbers in their order, regardless
+# of their layout in memory.
 _FEW_CORNERS = 7
 
 
@@ -99,7 +99,7 @@ def _same_size_area_vectors(corner_positions: Floats) -> Floats:
 
 
 def normalize_or(vectors: Floats, fallback: Reals) -> Floats:
-    """Normalise vectors (..., 3); a vector of length 0 is replaced by its value in `fallback`, which is broadcast."""
+    """Normalise vectors (..., 3); vectors of length 0 are replaced by `fallback`, broadcast to the same shape."""
     # The vectors are lengths or areas of float32 data, whose squares neither overflow nor underflow in float64.
     squares = dot(vectors, vectors)
     has_length = squares > 0.0
@@ -120,7 +120,7 @@ def sum_by(group: AnyInts, vectors: Floats, count: int) -> Floats:
 
 
 def flat_normals(areas: Floats, face_sizes: AnyInts) -> Floats:
-    """Return unit normals (m, 3) at corners that are constant over each face, from the `area_vectors` (f, 3).
+    """Return unit normals (m, 3) at corners, constant over each face, from the faces' `area_vectors` (f, 3).
 
     A face without area has the normal +z.
     """

@@ -18,7 +18,7 @@ class RevolvedProfile:
     """A curve from the lower pole to the upper pole, both on the axis, with the outside on the right of its direction.
 
     - points (k, 2): radius and height in metres; only the first and the last point are on the axis
-    - normals (k, 2): outward unit normals, as radial and axial component
+    - normals (k, 2): outward unit normals, as radial and axial components
     - v (k,): the texture coordinate v, from 0 at the first point to 1 at the last
     """
 
@@ -44,8 +44,8 @@ def revolve(name: str, profile: RevolvedProfile, segments: int, slot: int = 0) -
     poles = np.array([[0.0, 0.0, profile.points[end, 1]] for end in (0, -1)])
 
     # The row of each corner is the number of its profile point, and the column its number around the axis. Column
-    # `segments` has the points of column 0, but u = 1. The corners are those of the triangles at the first pole, of the
-    # quads, and of the triangles at the last pole.
+    # `segments` has the points of column 0, but u = 1. The arrays have the corners of the triangles at the first pole,
+    # then of the quads, then of the triangles at the last pole.
     j, i = np.arange(segments), np.arange(1, rings)
     rows = np.concatenate(
         [

@@ -1,9 +1,9 @@
 """Makes the built-in shader ball: a ball with a groove, a raised rim and a recess around a core, on a base.
 
-It consists of two surfaces of revolution. The ball's axis is tilted towards the camera of pose 0, the pose before the
-turntable turns. A profile consists of pieces, which are arcs and lines, as points (k, 2) of radius and height in
-metres. Every corner between two pieces has a fillet, which shows a highlight as a real edge does. Normals are smooth
-everywhere.
+The shader ball consists of two surfaces of revolution. The ball's axis is tilted towards the camera of pose 0, the pose
+before the turntable turns. A profile consists of pieces, which are arcs and lines. A piece is an array of points
+(k, 2): radius and height in metres. Every corner between two pieces has a fillet, which shows a highlight as a real
+edge does. Normals are smooth everywhere.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def _ball_profile() -> RevolvedProfile:
         return radius * np.cos(np.radians(latitude)), radius * np.sin(np.radians(latitude))
 
     core_radius, core_height, floor = 0.34, 0.46, 0.38
-    # The radius and the latitude, seen from the core's centre, at which the core rises from the floor of the recess.
+    # The core rises from the floor of the recess at the radius `seam`, and at this latitude about the core's centre.
     seam = float(np.sqrt(core_radius**2 - (floor - core_height) ** 2))
     seam_latitude = float(np.degrees(np.arctan2(floor - core_height, seam)))
     return _profile(
@@ -115,7 +115,7 @@ def _arc_lengths(points: Floats) -> Floats:
 
 
 def _points_at(piece: Floats, distances: Floats) -> Floats:
-    """Return the points (n, 2) of a piece at the given distances (n,) from its start, along it."""
+    """Return the points (n, 2) of a piece at distances (n,) along the piece from its start."""
     lengths = _arc_lengths(piece)
     return np.stack([np.interp(distances, lengths, piece[:, i]) for i in range(2)], axis=-1)
 
@@ -129,10 +129,10 @@ def _resample(piece: Floats, head: float, tail: float) -> Floats:
 
 
 def _fillet(before: Floats, after: Floats, radius: float) -> tuple[Floats, float]:
-    """Return the points of a fillet between two pieces, and the length of either piece that the fillet replaces.
+    """Return the points (k, 2) of a fillet between two pieces, and the length that it replaces on each piece.
 
     The fillet is a rational quadratic Bézier curve with its control point in the corner. Between lines it is an arc of
-    a circle. Between arcs of much larger radius, its tangents agree with theirs to a fraction of a degree.
+    a circle. Between arcs of much larger radius, the tangents of fillet and arcs agree to a fraction of a degree.
     """
     corner = after[0]
     incoming, outgoing = before[-1] - before[-2], after[1] - after[0]

@@ -1,6 +1,6 @@
 """Defines a shape: a surface as a file or a primitive defines it, which `finish` converts to a mesh.
 
-Normals, tangents and slots of a mesh are computed from it.
+The normals, tangents and slots of a mesh are computed from its shape.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from lookdev.arrays import Floats, Indices, Reals
 from lookdev.asset.mesh import Interpolation, Subdivision
 
 MAX_COORDINATE = 1e18
-"""The largest magnitude of a coordinate: the product of two such numbers is still a float32."""
+"""The largest magnitude of a coordinate: the product of two such numbers is still in the range of float32."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +42,8 @@ class PolygonShape:
     - holes: the indices of faces that are not part of the surface, or None
     - subdivision: the rules of a control cage; its crease edges and corners index into points; its `holes` and
       `interpolation` are empty
-    - parts (f,): the number of the part that each face belongs to; each part can have a material of its own; None means
-      that there is one part, 0
+    - face_parts (f,): the number of the part that each face belongs to; each part can have a material of its own; None
+      means that there is one part, 0
     - default_uv: becomes `Mesh.default_uv` if the shape has such a UV set
     """
 

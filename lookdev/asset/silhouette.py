@@ -1,7 +1,7 @@
 """Finds the points that determine an asset's silhouette from all directions.
 
-`lookdev.scene.framing.frame_fill` places the camera by these points, and `lookdev.asset.bounds` makes the bounding
-sphere of them. A point cloud here is the points of a mesh or of a part of it.
+`lookdev.scene.framing.frame_fill` places the camera by these points, and `lookdev.asset.bounds` computes the bounding
+sphere from them. A point cloud here is the points of a mesh or of a part of a mesh.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from lookdev.asset.normals import concatenate
 _HULL_INSTANCES = 8
 _FEW_POINTS = 32
 _PART_POINTS = 2**11  # points of a part of a mesh, at most
-_CELLS = 8  # of the grid by which a mesh is split into parts, along each side of its bounding box
+_CELLS = 8  # along each side of a mesh's bounding box: cells of the grid that splits the mesh into parts
 _COARSE, _FINE = 64, 1024  # planes of the coarse and of the fine polytope
-_MANY_POINTS = 2**18  # with more points outside the coarse polytope, a fine one is built
+_MANY_POINTS = 2**18  # with more points outside the coarse polytope, a fine polytope is built
 _SEEDS = 2**15  # points from which the fine polytope is built, approximately
 _BLOCK = 2**20  # numbers in an intermediate array, approximately
 _TOLERANCE = 1e-12  # relative to the extent of all points: a point beyond a plane by less counts as inside
 
 
 def hull_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats:
-    """Return points (n, 3) in world space whose convex hull is that of the faces of all instances.
+    """Return points (n, 3) in world space that have the same convex hull as the faces of all instances.
 
     These points determine the silhouette in every perspective view from outside. They may include points inside the
-    hull. With one instance, they are all its points. For several instances, the hull of some extreme points is computed
-    first: a polytope. Everything inside the polytope is dropped: instances and parts of instances if their bounding
-    boxes are inside, then single points. The corners of the polytope and the remaining points are returned.
+    hull. For one instance, all its points are returned. For several instances, the hull of some extreme points is
+    computed first: a polytope. Everything inside the polytope is dropped: instances and parts of instances if their
+    bounding boxes are inside, then single points. The corners of the polytope and the remaining points are returned.
     """
     mesh_numbers = np.array([instance.mesh for instance in instances])
     uses = np.bincount(mesh_numbers, minlength=len(meshes)).tolist()
@@ -87,9 +87,9 @@ class _Polytope:
         return len(self.planes) > 0
 
     def grow(self, points: Floats, count: int) -> _Polytope:
-        """Return the hull extended by the points that are farthest beyond its planes.
+        """Return the hull, extended by the given points that are farthest beyond its planes.
 
-        This is repeated until the hull has at least `count` planes or contains all the points (n, 3).
+        The extension is repeated until the hull has at least `count` planes or contains all the points (n, 3).
         """
         polytope = self
         while 0 < len(polytope.planes) < count:
@@ -104,7 +104,7 @@ class _Polytope:
     def local_planes(self, matrices: Floats) -> Floats:
         """Return the polytope's p planes in the object spaces of n instances, (n, p, 4), from their matrices (n, 4, 4).
 
-        A point (x, y, z, 1) of object space is beyond a plane if their dot product is positive.
+        A point (x, y, z, 1) of object space is beyond a plane if the dot product of point and plane is positive.
         """
         centered = matrices.copy()
         centered[:, :3, 3] -= self._middle
@@ -177,7 +177,7 @@ def _points_beyond(cloud: Floats, matrices: Floats, planes: Floats, owners: Indi
     """Return, in world space, the points of a cloud's instances that are beyond at least one plane.
 
     `cloud` (c, 3) has the points of the cloud, and `matrices` (n, 4, 4) place its instances. Each of the planes (k, 4)
-    is in the object space of one instance, whose number is in `owners` (k,), sorted.
+    is in the object space of one instance; `owners` (k,) has the numbers of these instances, sorted.
     """
     is_beyond = planes[:, :3] @ cloud.T + planes[:, 3:] > 0.0
     first = np.flatnonzero(np.diff(owners, prepend=-1))
@@ -189,10 +189,10 @@ def _points_beyond(cloud: Floats, matrices: Floats, planes: Floats, owners: Indi
 
 
 def _is_box_beyond(planes: Floats, boxes: Floats) -> Bools:
-    """Return whether a part of its box is beyond each plane, (n, k).
+    """Return, for each plane (n, k), whether a part of the plane's box is beyond the plane.
 
     `planes` (n, k, 4) has k planes for each of n boxes. `boxes` (n, 2, 3) has the least and the greatest corner of each
-    box, or (1, 2, 3) of one box for all planes.
+    box; with (1, 2, 3), all planes have the same box.
     """
     middles, halves = 0.5 * boxes.sum(axis=1)[..., None], 0.5 * np.ptp(boxes, axis=1)[..., None]
     normals = planes[..., :3]
@@ -200,7 +200,7 @@ def _is_box_beyond(planes: Floats, boxes: Floats) -> Bools:
 
 
 def _blocks(indices: Indices, numbers_per_index: int) -> list[Indices]:
-    """Split indices into blocks, so that `numbers_per_index` numbers for each index are about `_BLOCK` numbers."""
+    """Split indices into blocks of about `_BLOCK` numbers, if each index needs `numbers_per_index` numbers."""
     size = max(_BLOCK // numbers_per_index, 1)
     return [indices[start : start + size] for start in range(0, len(indices), size)]
 
@@ -229,7 +229,7 @@ def _mesh_points(mesh: Mesh, uses: int) -> Floats:
 
 
 def _hull_points(points: Floats) -> Floats:
-    """Return the points that are corners of the convex hull of all, a solid, a plane polygon or a line segment."""
+    """Return the corners of the points' convex hull, which is a solid, a plane polygon or a line segment."""
     from scipy.spatial import ConvexHull, QhullError
 
     local = points - points.mean(axis=0)

@@ -24,20 +24,20 @@ WRAPS = ("nonperiodic", "periodic", "pinned")
 
 @dataclass(frozen=True, eq=False)
 class Splines:
-    """Several curves, each a chain of smooth segments.
+    """Several curves, each of which is a chain of smooth segments.
 
     `vertex_counts` and `segment_counts` (c,) are the numbers of vertices and segments of each curve. Vertices and
     segments are numbered through all curves.
 
-    `evaluate(segments, t)` evaluates samples (r,): the segment of each sample, sorted, and its parameter t in 0..1 in
-    that segment. It returns three arrays (r, k) for the k vertices that determine a sample: their indices, their
-    weights and their rates. A sample's value is the sum of the vertices' values times the weights. Its derivative by t
-    is the sum of the vertices' values times the rates.
+    `evaluate(segments, t)` evaluates r samples. `segments` (r,) is the segment of each sample, sorted, and `t` (r,) is
+    the sample's parameter in this segment, from 0 to 1. The function returns three arrays (r, k) for the k vertices
+    that determine a sample: the vertices' indices, weights and rates. A sample's value is the sum of the vertices'
+    values times the weights. Its derivative by t is the sum of the vertices' values times the rates.
 
     The curves are all closed if `periodic`. If `pinned`, each curve has a phantom vertex before its first vertex and
-    one after its last. Phantom vertices have the indices after those of all vertices: first the phantom before each
-    curve, then the phantom after each curve. `varying` is False if USD does not define the interpolation `varying` for
-    the curves.
+    one after its last. The indices of phantom vertices follow the indices of all vertices: first the phantoms before
+    the curves, then the phantoms after the curves. `varying` is False if USD does not define the interpolation
+    `varying` for the curves.
     """
 
     vertex_counts: Indices
@@ -48,9 +48,9 @@ class Splines:
     varying: bool = True
 
     def with_phantoms(self, values: Reals) -> Reals:
-        """Return values (n, ...) of the vertices, followed by those of the phantom vertices.
+        """Return the values (n, ...) of the vertices, followed by the values of the phantom vertices.
 
-        The values of phantom vertices are extrapolated linearly, as UsdGeom defines.
+        Phantom values are extrapolated linearly, as UsdGeom defines.
         """
         if not self.pinned:
             return values
@@ -71,7 +71,7 @@ def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines
         The vertices of a curve do not make whole segments.
     """
     is_linear, periodic = basis == "linear", wrap == "periodic"
-    step = 3 if basis == "bezier" else 1  # vertices from one segment to the next
+    step = 3 if basis == "bezier" else 1  # the vertices from the start of one segment to the start of the next
     pinned = wrap == "pinned" and basis in ("bspline", "catmullRom")
     fewest = 3 if periodic else 2 if is_linear or pinned else 4
     wrong = (counts < fewest) | ((counts - fewest) % step != 0)
@@ -112,9 +112,9 @@ def nurbs_splines(
 ) -> Splines:
     """Return NURBS curves from the numbers of their vertices, `counts` (c,), their orders (c,) and all their knots.
 
-    `ranges` (c, 2) restrict the parameters of the curves, and `weights` (n,) are those of the vertices; both may be
-    empty. A segment lies between two consecutive different knots. An error message names the curves by the prim path
-    `where`.
+    `ranges` (c, 2) restrict the parameters of the curves, and `weights` (n,) are the weights of the vertices; each of
+    the two may be empty. A segment lies between two consecutive different knots. An error message names the curves by
+    the prim path `where`.
 
     Raises
     ------

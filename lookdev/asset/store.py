@@ -1,7 +1,7 @@
 """Computes an asset's digest, and writes the asset to a file in the cache, which the render worker reads.
 
-The file is a line of JSON and then arrays, which are mapped into memory. An array has the values of all meshes, one
-mesh after another; the code calls it a column.
+The file has a line of JSON, followed by arrays, which are mapped into memory. Such an array has the values of all
+meshes, one mesh after another; the code calls it a column.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from lookdev.asset.tangents import tangents_of
 from lookdev.cache import cached_file
 from lookdev.errors import AssetError
 
-_ALIGNMENT = 64  # bytes: each array starts at a multiple of this offset in the file
-_FORMAT = 5  # to be increased when the format changes, or the tangents that are computed for an asset
+_ALIGNMENT = 64  # bytes: each array starts at an offset in the file that is a multiple of this
+_FORMAT = 5  # to be increased when the format changes, or the way in which tangents are computed
 _FLAG_FIELDS = ("convex", "sheet", "revolved")
 
 # The fields of `Mesh` that are stored as one array for all meshes: the type of the numbers, the numbers in a row (0 for
@@ -153,7 +153,7 @@ def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], Ints]:
     """Return the distinct layouts of meshes, and a table (n, 4) with a row for each mesh.
 
     A row has the mesh's numbers of points, corners and faces, and the number of its layout. Layouts are stored once,
-    since ten thousand meshes have only a few.
+    since ten thousand meshes have only a few layouts.
     """
     numbers: dict[_Layout, int] = {}
     rows = []
@@ -210,7 +210,7 @@ def _assemble_asset(line: bytes, file_bytes: Bytes) -> Asset:
     # For each mesh: whether it has tangents, the names of UV sets, the primvars, and the number of corners.
     mesh_layouts = [(*description["layouts"][layout], count) for layout, count in zip(layouts, corners, strict=True)]
     tangents = [count * has_tangents for has_tangents, _, _, count in mesh_layouts]
-    # `rows` has the number of rows of each mesh, by element; `columns` the array of each mesh, by field.
+    # `rows` has, by type of element, the number of rows of each mesh. `columns` has, by field, the array of each mesh.
     rows = {"points": points, "corners": corners, "faces": faces, "tangents": tangents}
     columns = {name: _split_rows(arrays[name], rows[rows_name]) for name, (_, _, rows_name) in _ARRAYS.items()}
     uvs = iter(_split_rows(arrays["uvs"], [count for _, names, _, count in mesh_layouts for _ in names]))

@@ -7,7 +7,7 @@ tangent, which is exact for a triangle and the mean over a larger polygon. The f
 
 Without UVs, tangents follow the longitude about the vertical axis through the middle of the mesh's bounding box.
 
-Arrays are those of `Mesh`, with n points, f faces and m corners. `following` (m,) is the index of the next corner
+Arrays are as in `Mesh`, with n points, f faces and m corners. `following` (m,) is the index of the next corner
 around the face (`next_corners`).
 """
 
@@ -41,7 +41,7 @@ def perpendicular(normals: Floats) -> Floats:
 
 
 def tangents_of(meshes: Sequence[Mesh]) -> list[Floats32]:
-    """Return the tangents (m, 3) of each mesh: those that it has, or else those of `corner_tangents`."""
+    """Return the tangents (m, 3) of each mesh; `corner_tangents` computes them for a mesh without tangents."""
     tangents = {i: mesh.tangents for i, mesh in enumerate(meshes) if mesh.tangents is not None}
     for has_uvs in (True, False):
         missing = [i for i, mesh in enumerate(meshes) if i not in tangents and bool(mesh.uvs) == has_uvs]
@@ -76,9 +76,9 @@ def corner_tangents(
 ) -> Floats32:
     """Return unit tangents (m, 3), orthogonal to the corner normals, from arrays as in `Mesh` and `uvs` (m, 2).
 
-    Where the UVs cover no area, or the tangents of the faces around a corner cancel, the tangent is `perpendicular` to
-    the normal. The arrays may be concatenated from several meshes; `meshes` (n,) is then the number of each point's
-    mesh, from 0.
+    Without `uvs`, the tangents follow the longitude. Where the UVs cover no area, or the tangents of the faces around a
+    corner cancel, the tangent is `perpendicular` to the normal. The arrays may be concatenated from several meshes;
+    `meshes` (n,) is then the number of each point's mesh, from 0.
     """
     if uvs is None:
         return _longitude_tangents(points.astype(np.float64), corner_points, face_sizes, normals, meshes)
@@ -115,8 +115,9 @@ def mix_bits(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
 def handedness(mesh: Mesh) -> Floats32:
     """Return the handedness (m,) at each corner: 1 if v grows along cross(normal, tangent), -1 if UVs are mirrored.
 
-    The UVs are those of the mesh's first UV set. The sign is constant over a face. It is 1 for a face whose UVs cover
-    no area, and for a mesh without UVs. Normal maps need it: their green channel tilts normals towards increasing v.
+    The UVs are those of the mesh's first UV set. The sign is constant over a face. The sign is 1 for a face whose UVs
+    cover no area, and for a mesh without UVs. Normal maps need the sign: their green channel tilts normals towards
+    increasing v.
     """
     uvs = next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2))).astype(np.float64)
     sign = np.where(_orientation(mesh.face_sizes, next_corners(mesh.face_sizes), uvs) < 0.0, -1.0, 1.0)
@@ -140,7 +141,7 @@ def _face_tangents(
 ) -> Floats:
     """Return each face's tangent (f, 3), which is not a unit vector; it is zero for a face without orientation.
 
-    `positions` (m, 3) and `uvs` (m, 2) are those of the corners. Let P be the position and N the face's normal. By
+    `positions` (m, 3) and `uvs` (m, 2) are given at the corners. Let P be the position and N the face's normal. By
     Stokes' theorem, the integral of v dP around a face is the integral of N x grad v over the face. The tangent dP/du
     points along grad v x N if the UVs have the face's winding, and against it if they are mirrored.
     """
@@ -175,7 +176,7 @@ def _longitude_tangents(
     tangents = np.empty((len(corner_points), 3), np.float32)
     for _, corners in face_blocks(face_sizes):
         n = normals[corners].astype(np.float64)
-        # It is done twice, since the normals have unit length only to float32 precision.
+        # The vectors are orthogonalised twice, since the normals have unit length only to float32 precision.
         by_corner = _orthogonalize(_orthogonalize(around[corner_points[corners]], n), n)
         tangents[corners] = normalize_or(by_corner, perpendicular(n))
     return tangents
@@ -229,7 +230,7 @@ def _group_corners(
 
 
 def _hash_rows(rows: Reals) -> NDArray[np.uint64]:
-    """Return a hash (k,) of each row of an array (k, w), by its values in float32."""
+    """Return a hash (k,) of each row of an array (k, w), from the row's values in float32."""
     single = rows.astype(np.float32) + np.float32(0.0)  # -0 becomes 0
     key = np.zeros(len(single), np.uint64)
     for column in single.view(np.uint32).T:

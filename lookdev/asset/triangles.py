@@ -1,4 +1,4 @@
-"""Splits polygons into triangles: the same triangles as Cycles makes of them."""
+"""Splits polygons into triangles, in the same way as Cycles."""
 
 from __future__ import annotations
 
@@ -33,8 +33,9 @@ def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
     triangles = np.stack([first, first + number + 1, first + number + 2], axis=-1)
     corners = positions[triangles]
     areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    # A fan leaves its polygon if a triangle is turned against the polygon. For a quad, Blender compares the two
-    # triangles with each other instead; `number == 1` is the second, and `other` is the area vector of the first.
+    # A fan leaves its polygon if the winding of a triangle is opposite to the polygon's. For a quad, Blender compares
+    # the two triangles with each other instead: where `number` is 1, the triangle is the second of a quad, and `other`
+    # is the area vector of the first.
     whole = area_vectors(positions, mesh.face_sizes)[faces]
     other = np.roll(areas, 1, axis=0)
     outside = np.where(
@@ -54,8 +55,8 @@ def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
 def _clip_ears(polygon: Floats, normal: Floats) -> Ints:
     """Return n - 2 triangles (n - 2, 3) of a polygon (n, 3), as numbers of its corners.
 
-    Each step cuts off the best-shaped triangle of three consecutive corners that contains no other corner: the one with
-    the largest area relative to its longest side squared.
+    Each step cuts off an ear, which is a triangle of three consecutive corners that contains no other corner. Of all
+    ears, the best-shaped is cut off: its area is the largest, relative to the square of its longest side.
     """
     # The polygon is projected along the axis nearest to the normal, so that it is a counter-clockwise plane polygon.
     axis = int(np.abs(normal).argmax())

@@ -15,21 +15,21 @@ from lookdev.arrays import Bools, Floats, Indices
 from lookdev.asset.normals import dot, normalize_or
 from lookdev.asset.tangents import perpendicular
 
-# The points of a ring are displaced along the curve into the plane of the cross-section. This is the largest
-# displacement, in radii: where a curve reverses, the bisecting plane contains the curve.
+# The points of a ring are displaced along the curve into the plane of the cross-section, by at most this number of
+# radii. Where a curve reverses, the bisecting plane contains the curve, and the displacement would have no bound.
 _MAX_CUT = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class CurveSamples:
-    """The r samples of c curves, in order along each curve.
+    """The r samples, called rings, of c curves, in order along each curve.
 
     - positions (r, 3): points on the curve
     - directions (r, 3): unit tangents of the curve
     - radii (r,): half the width of the tube or ribbon
     - pieces, curves (r,): the number of the piece and of the curve that each ring belongs to, from 0 without gaps;
       pieces are numbered through all curves
-    - closed (c,): whether the last piece of each curve meets its first piece
+    - closed (c,): whether each curve is closed, so that its last piece meets its first piece
     """
 
     positions: Floats
@@ -65,8 +65,8 @@ def tubes(rings: CurveSamples, sides: int) -> Strips:
     """Return tubes of `sides` faces around each curve, with flat caps; a tube with radius 0 at an end ends in a point.
 
     In `st`, u grows around the curve, counter-clockwise when seen against the direction of the curve. v grows from 0 to
-    1 with the length along the curve. A cap is a disc in the unit square. Normals are those of a round tube; they are
-    exact where the tube is straight or does not taper.
+    1 with the length along the curve. A cap is a disc in the unit square. Normals are computed as for a round tube;
+    they are exact where the tube is straight or does not taper.
     """
     # Each ring has `sides` + 1 points; the last has the position of the first, but u = 1. At each ring, x and y span
     # the cross-section, and `slope` is the derivative of the radius along the curve.
@@ -117,12 +117,12 @@ def ribbons(rings: CurveSamples, facing: Floats) -> Strips:
 
 
 def _strips(rings: CurveSamples, outward: Floats, normals: Floats, u: Floats, fractions: Floats) -> Strips:
-    """Return the faces between consecutive rings of each piece; a ring has c points, in columns along the curve.
+    """Return the faces between consecutive rings of each piece, from r rings of c points each.
 
     - outward (r, c, 3): unit vectors from the curve towards the points
     - normals (r, c, 3): unit normals at the points
     - u (r, c): the texture coordinate u of the points
-    - fractions (r,): their v, the length along the curve as a fraction of its total
+    - fractions (r,): the texture coordinate v of each ring, which is the result of `_relative_lengths`
     """
     columns = outward.shape[1]
     planes = _cut_normals(rings)
@@ -157,7 +157,7 @@ def _strips(rings: CurveSamples, outward: Floats, normals: Floats, u: Floats, fr
 
 
 def run_ends(groups: Indices) -> tuple[Indices, Indices]:
-    """Return the indices of the first and of the last element of each run of equal numbers in `groups`, two arrays."""
+    """Return two arrays: the indices of the first and of the last element of each run of equal numbers."""
     starts = np.flatnonzero(np.diff(groups, prepend=-1))
     return starts, np.append(starts[1:], len(groups)) - 1
 
@@ -171,7 +171,7 @@ def _relative_lengths(rings: CurveSamples) -> Floats:
 
 
 def _slopes(rings: CurveSamples) -> Floats:
-    """Return the derivative (r,) of the radius by the length along the curve at each ring, from its neighbours."""
+    """Return the derivative (r,) of the radius by the length along the curve, from the neighbours of each ring."""
     starts, ends = run_ends(rings.pieces)
     ring = np.arange(len(rings.radii))
     before, after = np.maximum(ring - 1, starts[rings.pieces]), np.minimum(ring + 1, ends[rings.pieces])
@@ -183,7 +183,8 @@ def _slopes(rings: CurveSamples) -> Floats:
 def _cut_normals(rings: CurveSamples) -> Floats:
     """Return a normal (r, 3), not normalised, of the plane of each ring's cross-section."""
     planes = rings.directions.copy()
-    # The last ring of a piece and the first ring of the next piece of the same curve have one plane, which bisects.
+    # The last ring of a piece and the first ring of the next piece of the same curve share a plane, which bisects the
+    # angle between the pieces.
     last = np.flatnonzero((rings.pieces[:-1] != rings.pieces[1:]) & (rings.curves[:-1] == rings.curves[1:]))
     starts, ends = run_ends(rings.curves)
     last, first = np.append(last, ends[rings.closed]), np.append(last + 1, starts[rings.closed])
@@ -192,7 +193,7 @@ def _cut_normals(rings: CurveSamples) -> Floats:
 
 
 def _frames(rings: CurveSamples, fractions: Floats) -> Floats:
-    """Return a unit vector (r, 3) at each ring, perpendicular to the curve, with as little rotation as possible.
+    """Return unit vectors (r, 3) at the rings, perpendicular to the curve; they rotate about it as little as possible.
 
     On a closed curve, the vectors at the start and at the end differ by a rotation about the curve. This rotation is
     subtracted evenly along the curve, so that the ends meet. `fractions` (r,) are the relative lengths along the curve.

@@ -19,7 +19,7 @@ _TIME = Usd.TimeCode.EarliestTime()
 _LENGTHS = ("horizontalAperture", "verticalAperture", "focalLength")
 _OFFSETS = ("horizontalApertureOffset", "verticalApertureOffset")
 _LENS = ("projection", *_LENGTHS, *_OFFSETS, "fStop", "focusDistance")
-# Attributes of USD's cameras without effect here; a note names those that are set.
+# Attributes of USD's cameras that have no effect here. A note names the attributes that are set.
 _UNSUPPORTED = (
     "clippingPlanes",
     "exposure",
@@ -52,7 +52,7 @@ class UsdCamera:
 
 
 def read_camera(stage: Usd.Stage, path: str) -> UsdCamera:
-    """Read a camera of a stage. The scale of its transform has no effect, as everywhere in USD.
+    """Read the camera at a path of a stage. As in USD, the scale of the camera's transform has no effect.
 
     Raises
     ------
@@ -179,7 +179,7 @@ def _stage_matrix(prim: Usd.Prim) -> Floats:
 
 
 def _camera_notes(prim: Usd.Prim, values: dict[str, float]) -> Iterator[str]:
-    """Yield notes about settings of a camera without effect; `values` are its attributes by name."""
+    """Yield notes about settings of a camera that have no effect; `values` has the camera's attributes by name."""
     path = prim.GetPath()
     if values["fStop"] > 0.0 and values["focusDistance"] == 0.0:
         yield f"{path}: fStop is {values['fStop']:g}, but no focusDistance is given: everything is sharp"
@@ -189,6 +189,6 @@ def _camera_notes(prim: Usd.Prim, values: dict[str, float]) -> Iterator[str]:
 
 
 def _is_set(prim: Usd.Prim, name: str) -> bool:
-    """Return whether a prim has an attribute that differs from its default; older versions of USD lack some of them."""
+    """Return whether a prim's attribute differs from its default; older versions of USD lack some attributes."""
     value = prim.GetAttribute(name).Get(_TIME) if prim.HasAttribute(name) else None
     return bool(value) and value != prim.GetPrimDefinition().GetAttributeFallbackValue(name)

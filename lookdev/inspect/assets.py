@@ -69,8 +69,9 @@ class InspectedMaterial:
 class Inspection:
     """The description of an asset with its parts and materials. Lengths are in metres, and z is up.
 
-    `minimum` and `maximum` (3,) are the corners of the bounding box; `radius` is that of the bounding sphere. `points`
-    and `faces` are counted once for each mesh. `notes` list unsupported content and repairs.
+    `minimum` and `maximum` (3,) are the corners of the bounding box, and `radius` is the radius of the bounding sphere.
+    `meshes`, `instances`, `points` and `faces` are numbers; points and faces are counted once for each mesh. `notes`
+    list unsupported content and repairs.
     """
 
     file: str
@@ -81,7 +82,7 @@ class Inspection:
     instances: int
     points: int
     faces: int
-    faces_shown: int  # counted for each instance
+    faces_shown: int  # the number of faces, counted for each instance
     parts: tuple[InspectedPart, ...]
     materials: tuple[InspectedMaterial, ...]
     notes: tuple[str, ...]
@@ -206,14 +207,14 @@ def _image_count(look: Look) -> int:
 
 
 def _tree_rows(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
-    """Yield rows of cells: one for each part, after one for each ancestor of the part that has no row yet."""
+    """Yield rows of cells: a row for each part, after a row for each of the part's ancestors without a row."""
     ancestors: list[str] = []
     for part in parts:
         *groups, name = part.path.strip("/").split("/")
         shared = takewhile(lambda pair: pair[0] == pair[1], zip(ancestors, groups, strict=False))
         for depth in range(len(list(shared)), len(groups)):
             yield ("  " * depth + groups[depth],)
-        ancestors = [*groups, name]  # with the part itself: if it is a mesh, the rows of its GeomSubsets follow
+        ancestors = [*groups, name]  # includes the part: the rows of a mesh's GeomSubsets can follow its row
         yield (
             "  " * len(groups) + name,
             _count_text(part.faces, "face") + (f" x {part.instances:,}" if part.instances != 1 else ""),

@@ -1,6 +1,6 @@
-"""Renders a portrait of an asset, with a colour for each part, and a contact sheet of presets, on spheres.
+"""Renders a portrait of an asset, with a colour for each part, and a contact sheet of spheres, one for each preset.
 
-They are the pictures of `lookdev inspect --png` and of `lookdev materials`.
+These are the pictures of `lookdev inspect --png` and of `lookdev materials`.
 """
 
 from __future__ import annotations
@@ -115,8 +115,8 @@ def _render_pictures(
 def group_names(paths: Sequence[str]) -> list[str]:
     """Return the group of each prim path.
 
-    A group's name is the path below the common ancestor of all, cut to a depth at which there are at most `_MAX_COLORS`
-    groups.
+    The name of a group is the path below the common ancestor of all paths. It is cut to the greatest depth at which
+    there are at most `_MAX_COLORS` groups.
     """
     split_paths = [path.strip("/").split("/") for path in paths]
     levels = zip(*(path[:-1] for path in split_paths), strict=False)

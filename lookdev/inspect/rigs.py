@@ -23,7 +23,7 @@ class InspectedLight:
     - shines: the direction of the light's axis, or None for a light that emits to all sides
     - sizes: lengths or angles, by the names of the light's fields
     - value: in linear Rec.709, the radiance in nits or, if `unit` is ``"lux"``, the irradiance on a plane perpendicular
-      to the light; it includes the mean of the light's image, but not its shaping
+      to the light; it includes the mean of the light's image, but not the light's shaping
     - image: the file of the image, or ""
     - group: the light group
     - turns: whether the light rotates with a turntable of the kind `lighting`

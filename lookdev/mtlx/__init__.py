@@ -1,7 +1,7 @@
-"""Converts MaterialX documents to USD layers, so that a reference to `x.mtlx` composes like one to a USD file.
+"""Converts MaterialX documents to USD layers, so that a reference to `x.mtlx` composes like a reference to a USD file.
 
-The wheels of USD lack USD's plugin for MaterialX. Therefore `shade` converts a document to a cached USD layer with the
-structure that the plugin gives it, and `arcs` redirects arcs from the document to that layer. `document` reads and
+The wheels of USD lack USD's plugin for MaterialX. Therefore `shade` converts a document to a cached USD layer, with the
+same structure as the plugin's layer, and `arcs` redirects arcs from the document to that layer. `document` reads and
 checks a document.
 """
 

@@ -58,7 +58,7 @@ def redirect_documents(layer: Sdf.Layer) -> None:
 
 
 def _redirect_arc(arc: Sdf.Reference | Sdf.Payload, targets: dict[str, str]) -> Sdf.Reference | Sdf.Payload:
-    """Return an arc to the target of its path, or the arc itself if `targets` lacks the path."""
+    """Return an arc with its asset path replaced by `targets`, or the arc itself if `targets` lacks the path."""
     if arc.assetPath not in targets:
         return arc
     if isinstance(arc, Sdf.Payload):

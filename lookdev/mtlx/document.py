@@ -1,7 +1,8 @@
 """Reads MaterialX documents from untrusted XML.
 
 The XML is checked before the MaterialX package reads it, because the package silently drops includes and siblings of
-equal names. A document is not upgraded to the package's version, since that takes minutes for a megabyte of nodes.
+equal names. A document is not upgraded to the package's version, since an upgrade takes minutes for a megabyte of
+nodes.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from lookdev.safe_text import TextError, decode
 INVALID_IMAGE_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
 """Matches the parts of an image's path that are not allowed: control characters, and tokens other than <UDIM>."""
 
-# The versions that are read: from 1.38, the first with a disney_principled node, to that of the MaterialX package.
+# The versions that are read: from 1.38, the first with a disney_principled node, to the MaterialX package's.
 _FIRST_VERSION, _LAST_VERSION = (1, 38), tuple(mx.getVersionIntegers()[:2])
 _MAX_DEPTH = 32  # levels of nested elements
 _VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")

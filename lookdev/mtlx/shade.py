@@ -1,9 +1,9 @@
 """Converts a MaterialX document to a USD layer in which prims have the paths that USD's MaterialX plugin gives them.
 
-- /MaterialX/Materials/<name> is a Material, whose `outputs:mtlx:surface` is connected to its shader. The inputs of that
-  shader are inputs of the material, which other layers may override.
+- /MaterialX/Materials/<name> is a Material, whose `outputs:mtlx:surface` is connected to its shader. The shader's
+  inputs without a connection are also inputs of the material, which other layers may override.
 - A node is a Shader. Its `info:id` is the name of its node definition, by the convention ``ND_<category>_<type>``.
-- Values, connections and colour spaces (as `colorSpace` of an attribute) are those of the document. Paths of images
+- Values, connections and colour spaces (as `colorSpace` of an attribute) are as in the document. Paths of images
   become absolute, lengths are in metres, and angles in degrees.
 
 All nodes upstream of a material are written into that material, so that a reference to the material alone is complete.
@@ -50,7 +50,7 @@ _TYPES = {
 _COMPONENT_COUNTS = {"float": 1, "integer": 1, "vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
 # The XML attributes of a port that connect it: to an input of its graph, a graph, a node, or an output.
 _CONNECTION_ATTRIBUTES = ("interfacename", "nodegraph", "nodename", "output")
-# Factors to metres and to degrees.
+# Factors from the units of MaterialX to metres and to degrees.
 _UNITS = {"meter": 1.0, "micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "kilometer": 1e3}
 _UNITS |= {"inch": 0.0254, "foot": 0.3048, "yard": 0.9144, "mile": 1609.344}
 _UNITS |= {"degree": 1.0, "radian": math.degrees(1.0)}
@@ -160,7 +160,7 @@ class _Writer:
         """
         if path not in self._pending:
             return
-        # The inputs are those of the shader's definition, with defaults, and those in the document (`ports`).
+        # `interface` has the inputs of the shader's definition, with defaults, and `ports` the inputs in the document.
         node, shader = self._pending.pop(path)
         ports = {port.getName(): port for port in node.getInputs()}
         category = node.getCategory()
@@ -181,18 +181,18 @@ class _Writer:
                 self._set_attribute(outer, ports[name], node.getParent())
 
     def _write_inputs(self, prim: Sdf.PrimSpec, element: mx.InterfaceElement, scope: mx.GraphElement) -> None:
-        """Write the inputs of an element to its prim; `scope` is that of `_write_target`."""
+        """Write the inputs of an element to its prim; `scope` is as in `_write_target`."""
         for port in element.getInputs():
             self._set_attribute(self._get_attribute(prim, f"inputs:{port.getName()}", port.getType()), port, scope)
 
     def _get_attribute(self, prim: Sdf.PrimSpec, name: str, kind: str) -> Sdf.AttributeSpec:
-        """Return a prim's attribute by its name, made valid; create it, with the MaterialX type `kind`, if needed."""
+        """Return a prim's attribute, or create it with the MaterialX type `kind`; an invalid `name` is changed."""
         valid = ":".join(map(Tf.MakeValidIdentifier, name.split(":")))
         attribute = prim.attributes.get(valid)
         return attribute or Sdf.AttributeSpec(prim, valid, _TYPES.get(kind, Sdf.ValueTypeNames.Token))
 
     def _set_attribute(self, attribute: Sdf.AttributeSpec, port: mx.PortElement, scope: mx.GraphElement) -> None:
-        """Set the value or the connection of an attribute from a port; `scope` is that of `_write_target`."""
+        """Set the value or the connection of an attribute from a port; `scope` is as in `_write_target`."""
         if target := self._write_target(port, scope):
             if channels := port.getAttribute("channels"):
                 target = self._add_swizzle(attribute, target, port, channels)
@@ -289,7 +289,7 @@ class _Writer:
         return self._written[path]
 
     def _read_value(self, port: mx.PortElement) -> object:
-        """Return the value of a port as USD takes it, or None.
+        """Return the value of a port in a type that USD takes, or None.
 
         None means that a note about an unknown type or a fault about a malformed value has been added.
         """
@@ -324,7 +324,7 @@ class _Writer:
         return None
 
     def _unit_scale(self, port: mx.PortElement) -> float:
-        """Return the factor from the unit of a port to metres or degrees, or 1 for no unit or an unknown one."""
+        """Return the factor from a port's unit to metres or degrees; 1 without a unit, or for an unknown unit."""
         unit = port.getUnit()
         if unit and unit not in _UNITS:
             self._add_note(port, f"the unit '{unit:.40}' is unknown", f"one of {', '.join(_UNITS)} is read")

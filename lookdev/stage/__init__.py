@@ -36,8 +36,8 @@ _ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 def usd_errors_as_faults(file: Path) -> Iterator[list[str]]:
     """Turn USD's exceptions in the block, which reads `file`, into a `StageError`, and collect USD's warnings.
 
-    It yields a list. After the block, the list has the warnings: of those from one source line of USD, the first and
-    the number of others. No warning goes to stderr.
+    The block gets a list, to which the warnings are added when the block ends. Of all warnings from one source line of
+    USD, the list has the first and the number of others. No warning goes to stderr.
     """
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     warnings: list[str] = []
@@ -87,8 +87,8 @@ def open_stage(file: Path) -> Usd.Stage:
 class Composition:
     """The request for a stage: a USD file, a layer over it, and the selected variants and prim.
 
-    `layer` is stronger than `file`; its relative paths are relative to its own folder. `prim` is the path of the
-    selected subtree; None selects the whole stage. `variants` are pairs of a variant set and a variant, which is
+    `layer` is stronger than `file`; relative paths in it are relative to the layer's own folder. `prim` is the path of
+    the selected subtree; None selects the whole stage. `variants` are pairs of a variant set and a variant, which is
     selected on every prim at, above and below `prim` that has the set. `missing` decides whether a missing or broken
     reference, payload or sublayer is an error or a note.
     """
@@ -115,9 +115,9 @@ def compose(composition: Composition) -> Composed:
     Raises
     ------
     StageError
-        A file cannot be opened, or a variant or the prim does not exist. If `missing` is "error", it is also raised for
-        a reference, payload or sublayer that is missing, broken or cyclic; the location in the message is the prim that
-        names it. All faults are listed.
+        A file cannot be opened, or a variant or the prim does not exist. If `missing` is "error", a reference,
+        payload or sublayer that is missing, broken or cyclic is a fault, too; its location in the message is the prim
+        that names the file. All faults are listed.
     """
     file, session = composition.file, Sdf.Layer.CreateAnonymous("session.usda")
     _check_path(composition)
@@ -142,13 +142,13 @@ def compose(composition: Composition) -> Composed:
 
 
 def lights_hint(stage: Usd.Stage) -> str:
-    """Return the hint for a stage with lights if something other than lights is expected; "" if there are no lights."""
+    """Return the hint for a stage that has lights where other content is expected, or "" if it has no lights."""
     has_lights = any(prim.HasAPI(UsdLux.LightAPI) for prim in stage.Traverse())
     return "it has lights: 'lookdev inspect' lists them, and [[rig]] of a job names it" if has_lights else ""
 
 
 def dependencies(file: Path) -> set[Path]:
-    """Return the absolute paths of a USD file, its layers and its images, including those of unselected variants."""
+    """Return the absolute paths of a USD file, its layers and its images, including files of unselected variants."""
     with usd_errors_as_faults(file):
         open_layers = [] if _MAP_PATH.get() is None else _open_layers(file)
         layers, images, _ = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(file)))
@@ -248,7 +248,7 @@ def variant_choices(composed: Composed, name: str) -> tuple[str, ...]:
 
 
 def _prims_around(stage: Usd.Stage, path: str | None) -> Iterator[Usd.Prim]:
-    """Yield the prims above, at and below a path; None is the path of the root."""
+    """Yield the prims above, at and below a path; None means the root."""
     for prefix in Sdf.Path(path or "/").GetPrefixes()[:-1]:
         if prim := stage.GetPrimAtPath(prefix):
             yield prim
@@ -259,8 +259,8 @@ def _prims_around(stage: Usd.Stage, path: str | None) -> Iterator[Usd.Prim]:
 def _session_prim(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
     """Return the session layer's spec of the prim at a path.
 
-    Scene-graph instances above the prim become ordinary prims, so that the prim can differ from those of other
-    instances.
+    Scene-graph instances above the prim become ordinary prims, so that the prim can differ from its counterparts in
+    other instances.
     """
     session = stage.GetSessionLayer()
     for prefix in path.GetPrefixes()[:-1]:
@@ -356,9 +356,9 @@ def _open_layer(file: Path) -> Sdf.Layer:
 
 
 def _open_layers(file: Path) -> list[Sdf.Layer]:
-    """Check and open a file and all layers that can be composed with it, including those of unselected variants.
+    """Check and open a file and all layers that can be composed with it, including layers of unselected variants.
 
-    The first of the returned layers is that of the file. Raises StageError with the faults of all layers.
+    The first of the returned layers is the file's own. Raises StageError with the faults of all layers.
     """
     if not has_text_path(file):
         raise StageError.at(file, "", "its path is not UTF-8", "rename it, or its folder")

@@ -1,4 +1,4 @@
-"""Finds faults of value clips, which USD does not report: it silently takes other values.
+"""Finds faults of value clips. USD does not report them, and silently takes other values.
 
 Value clips are files that hold the animation of a prim, one for each range of time. A clip set is the metadata that
 names them.
@@ -74,7 +74,7 @@ def _prim_problems(
 ) -> Iterator[str]:
     """Yield a problem if the first clip has no prim at `path` or cannot be read.
 
-    Only the first clip is opened. The others, possibly thousands, are opened by USD when they are needed.
+    Only the first clip is opened. USD opens the others, possibly thousands, when it needs them.
     """
     first = next((asset for asset in assets if asset.resolvedPath), None)
     if first is None:

@@ -12,8 +12,8 @@ from lookdev.arrays import Floats
 from lookdev.stage import prim_and_ancestors
 
 _LINEAR = "lin_rec709_scene"
-# From names of MaterialX, and names for data without colour space, to this module's names, "raw" and "sRGB", or USD's
-# (Gf.ColorSpaceNames). Linear Rec.709 needs no conversion, and so is "raw".
+# The keys are names in MaterialX and USD, and names for data without a colour space. The values are "raw", "sRGB" or a
+# name in USD (Gf.ColorSpaceNames). Linear Rec.709 needs no conversion, and therefore has the value "raw".
 _NAMES = {
     **dict.fromkeys(("", "none", "raw", "data", "identity", "unknown", "lin_rec709", "lin_srgb", _LINEAR), "raw"),
     **dict.fromkeys(("sRGB", "srgb_texture", "srgb_rec709_scene"), "sRGB"),
@@ -41,7 +41,8 @@ def colorspace_named(name: str) -> str | None:
 def colorspace_of(attribute: Usd.Attribute) -> str:
     """Return the name of an attribute's colour space, or "".
 
-    It is authored on the attribute itself, or else on the attribute's prim or the nearest ancestor that has one.
+    The colour space is authored on the attribute itself, or else on its prim or the prim's nearest ancestor that has
+    one.
     """
     if attribute.HasColorSpace():
         return str(attribute.GetColorSpace())
@@ -69,7 +70,7 @@ def to_linear_rec709(color: ArrayLike, space: str) -> Floats:
 def srgb_to_linear(encoded: ArrayLike) -> Floats:
     """Decode sRGB to linear values, by the piecewise curve of IEC 61966-2-1."""
     value = np.asarray(encoded, np.float64)
-    # The power is computed of values above the knee only: the values of a float image can be negative.
+    # The power is computed only for values above the knee, since the values of a float image can be negative.
     return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
@@ -77,7 +78,7 @@ def srgb_to_linear(encoded: ArrayLike) -> Floats:
 def _definition(space: str) -> tuple[float, bool, Floats]:
     """Return three values that define a colour space of USD.
 
-    They are the exponent of its transfer curve, whether the curve is that of sRGB instead, and the matrix (3, 3), for
+    They are the exponent of the transfer curve, whether the curve is the sRGB curve instead, and the matrix (3, 3), for
     row vectors, to linear Rec.709.
     """
     source, target = Gf.ColorSpace(space), Gf.ColorSpace(_LINEAR)

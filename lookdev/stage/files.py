@@ -1,6 +1,6 @@
-"""Checks, before USD reads a layer, that it can read the file without harm.
+"""Checks that the file of a layer does not harm the process, before USD reads the file.
 
-USD's text reader is recursive, so that a deeply nested file overflows the stack. It also waits without end for a named
+USD's text reader is recursive, so that a deeply nested file overflows the stack. USD also waits without end for a named
 pipe. USD's binary reader trusts the table of sections in the file. Damage within a section is not checked here, and can
 crash the reader.
 """

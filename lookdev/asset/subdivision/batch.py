@@ -47,10 +47,10 @@ def refine_all(meshes: Sequence[Mesh], levels: Sequence[int]) -> list[Mesh]:
 
 
 def group_cages(meshes: Sequence[Mesh], levels: Sequence[int]) -> Iterator[tuple[list[int], int]]:
-    """Yield batches of cages as pairs: the numbers in `meshes` of the batch's cages, and the level that they share.
+    """Yield batches of cages as pairs: the indices in `meshes` of the batch's cages, and the level of all of them.
 
-    The cages of a batch share also their rules and, for all UV sets and primvars, interpolation and width. A batch has
-    about `_BATCH_CORNERS` refined corners; a larger cage is not split.
+    The cages of a batch also have the same rules, and their UV sets and primvars the same interpolations and widths. A
+    batch has about `_BATCH_CORNERS` refined corners; a larger cage is not split.
     """
     groups: dict[tuple[int, *tuple[object, ...]], list[int]] = {}
     for number, (mesh, level) in enumerate(zip(meshes, levels, strict=True)):
@@ -132,7 +132,7 @@ def join_cages(meshes: list[Mesh]) -> ControlMesh:
 
 
 def _points_by_mesh(refined: RefinedCage, corner_mesh: Indices, count: int) -> tuple[Indices, Indices, Indices]:
-    """Sort the refined points by mesh; `corner_mesh` (m,) is the mesh of each corner, and `count` that of meshes.
+    """Sort the refined points by mesh; `corner_mesh` (m,) is the mesh of each corner, `count` the number of meshes.
 
     Return the sorted point numbers (n,), the position of each point in that order (n,), and the position at which each
     mesh starts, followed by the total (count + 1,). Points without a face come first.

@@ -1,6 +1,7 @@
 """Builds the half-edges of a control cage from its tags: creases, corners and holes.
 
-A tag is sharpness of an edge (crease) or point (corner), or a face that is not part of the surface (hole).
+A tag is the sharpness of an edge (crease) or of a point (corner), or it marks a face that is not part of the surface
+(hole).
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Cage:
 
 @dataclass(frozen=True, eq=False)
 class Tags:
-    """The tags of a cage, as in `lookdev.asset.mesh.Subdivision`, but with infinity as infinite sharpness.
+    """The tags of a cage, as in `lookdev.asset.mesh.Subdivision`, but infinite sharpness is infinity.
 
     - crease_edges (e, 2), crease_sharpness (e,): pairs of points, and the sharpness of the edge between them
     - corner_points (c,), corner_sharpness (c,): points, and their sharpness
@@ -103,7 +104,7 @@ def read_tags(mesh: Mesh) -> Tags:
 
 
 def _sharpness(mesh: Mesh, tag: str, values: object, count: int) -> Floats:
-    """Return the sharpness (count,) of creases or corners, at least 0, from `INFINITE_SHARPNESS` on as infinity."""
+    """Return the sharpness (count,) of creases or corners: at least 0; `INFINITE_SHARPNESS` and more are infinity."""
     sharpness = np.asarray(values, np.float64)
     if sharpness.shape != (count,):
         raise AssetError(f"{mesh.name}: {count} {tag}s have {sharpness.size} values of sharpness; each needs one")
@@ -117,9 +118,9 @@ def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
 
     The tags of `rules` are not used. Tags are applied in the order of OpenSubdiv (Far::TopologyRefinerFactory). A
     crease between points that share no edge has no effect. Boundaries become infinitely sharp, and so do edges and
-    points that are not manifold. An exception is a point on exactly two edges of three or more faces, which stays
-    smooth along these edges. With the boundary rule `none`, faces at the ends of a boundary edge are not part of the
-    surface, unless the boundary edges there are infinitely sharp creases.
+    points that are not manifold. An exception is a point at which exactly two edges have three or more faces: it stays
+    smooth along these edges. With the boundary rule `none`, a face is not part of the surface if one of its points is
+    an end of a boundary edge that is not an infinitely sharp crease.
     """
     count, tags, boundary = len(control.points), control.tags, rules.interpolate_boundary
     level, connectivity = connect(control.corners, control.sizes, count)
@@ -135,7 +136,7 @@ def build_cage(control: ControlMesh, rules: Subdivision) -> Cage:
     edge_counts = np.bincount(level.ends.ravel(), minlength=count)
     nonmanifold_edges = np.bincount(level.ends[connectivity.is_nonmanifold_edge].ravel(), minlength=count)
     boundary_edges = np.bincount(level.ends[level.boundary].ravel(), minlength=count)
-    # Exactly two of the point's edges are not manifold, since three or more faces meet there. The point stays smooth.
+    # At a fin, exactly two of a point's edges are not manifold: they have three or more faces. The point stays smooth.
     is_fin = (nonmanifold_edges == 2) & (boundary_edges == 0) & (face_counts > edge_counts)
     level.point_sharpness[~manifold & ~is_fin] = np.inf
     # A corner point of the boundary has one face and two edges.

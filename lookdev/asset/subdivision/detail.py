@@ -1,10 +1,10 @@
 """Chooses the refinement levels of an asset's cages by their size in the frame.
 
-Each refinement halves the edges. It divides the distance between the limit surface and the chord of an edge by four,
-and the angle by which the surface turns along an edge by two. Both are measured at the cage's edges, on the limit
-surface itself. At the chosen level, the distance is at most `SURFACE_TOLERANCE` pixels, and the angle is at most
-`MAX_TURN` or the edge at most `SMALL_EDGE` pixels long. Some edges may need one level more than is chosen: those that
-need the highest levels, up to `OUTLIER_FRACTION` of the total length.
+Each refinement halves the edges. A refinement also divides the distance between the limit surface and the chord of an
+edge by four, and the angle by which the surface turns along an edge by two. Distance and angle are measured at the
+cage's edges, on the limit surface itself. At the chosen level, the distance is at most `SURFACE_TOLERANCE` pixels, and
+the angle is at most `MAX_TURN` or the edge at most `SMALL_EDGE` pixels long. The edges that need the highest levels, up
+to `OUTLIER_FRACTION` of the total length, may need one level more than the chosen level.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SMALL_EDGE = 3.0
 """Pixels: a shorter edge may turn by any angle."""
 
 OUTLIER_FRACTION = 0.01
-"""A fraction of the length of a cage's edges: a few sharp bends must not cause all of a large cage to be refined."""
+"""The fraction of a cage's edge length that may need one level more: a few sharp bends must not refine all of it."""
 
 UV_TOLERANCE = 0.5
 """Pixels by which a texture may shift on an unrefined cage, whose UVs are linear over a face."""
@@ -155,16 +155,17 @@ def _pixel_sizes(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel_si
 
 
 def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floats, max_levels: Indices) -> Indices:
-    """Return the level (k,) that the surface of each of k cages needs; they have equal rules and no UVs or primvars.
+    """Return the level (k,) that the surface of each of k cages needs.
 
-    `pixel_sizes` (k,) are metres of object space per pixel. `longest_edges` (k,) are the greatest allowed lengths of
-    edges, in pixels. `max_levels` (k,) are the highest allowed levels.
+    The cages have equal rules, and neither UVs nor primvars. `pixel_sizes` (k,) are metres of object space per pixel.
+    `longest_edges` (k,) are the greatest allowed lengths of edges, in pixels. `max_levels` (k,) are the highest allowed
+    levels.
     """
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
     control, rules = join_cages(meshes), mask_rules(subdivision)
     cage = build_cage(control, subdivision)
-    level = cage.half_edges
+    level = cage.half_edges  # the half-edges of level 0
     # The number of the mesh of each face.
     mesh_numbers = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
     # The limit surface at the points of level 1: the points, edges' middles and, for quads, faces' centres of the cage.
@@ -172,17 +173,17 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
     limits, normals = limit_surface(child, interpolate(level, control.points, rules), rules)
     complete_normals(child, limits, normals)
 
-    # From here to `required`, arrays are over half-edges of the cage (m,). `distance` is that between the limit surface
-    # and the half-edge's chord. Corners of `child`: `first` is at the start of a half-edge, `first` + 1 at its middle,
-    # and `first` + 2, for quads, at the face's centre.
+    # From here to `required`, arrays are over half-edges of the cage (m,). `distance` is the distance between the limit
+    # surface and the half-edge's chord. Corners of `child`: `first` is at the start of a half-edge, `first` + 1 at its
+    # middle, and `first` + 2, for quads, at the face's centre.
     first = first_child(np.arange(len(level.points)), rules.triangles)
     start, middle = limits[level.points], limits[len(control.points) + level.edges]
     turn = _turn_angles(level, normals, first)
     chord = start[level.next] - start
     length = np.linalg.norm(chord, axis=1)
     offset = middle - 0.5 * (start + start[level.next])
-    # At a boundary or crease, the line itself is visible, and so is any offset across the chord. Elsewhere, an offset
-    # within the surface is not visible, but only one along the normal.
+    # At a boundary or crease, the line itself is visible, and so is any offset across the chord. Elsewhere, only an
+    # offset along the normal is visible, not one within the surface.
     is_feature = (level.twins < 0) | (level.edge_sharpness[level.edges] > 0.0)
     along = np.einsum("ij,ij->i", offset, chord) / np.maximum(length, np.finfo(np.float64).tiny)
     across = np.sqrt(np.maximum(np.einsum("ij,ij->i", offset, offset) - along**2, 0.0))
@@ -224,7 +225,8 @@ def _texture_levels(meshes: list[Mesh], pixel_sizes: Floats, max_level: int) -> 
     assert subdivision is not None, "a batch has cages only"
     control = join_cages(meshes)
     is_visible, refined_columns = refined_values(control, subdivision)
-    # The corners of visible faces, each the start of an edge, and the index in `corners` of the edge's end.
+    # `corners` are the corners of visible faces. An edge starts at each corner, and `following` is the index in
+    # `corners` of the edge's end.
     corners, following = np.flatnonzero(np.repeat(is_visible, control.sizes)), next_corners(control.sizes[is_visible])
     first = first_child(corners, subdivision.scheme == "loop")
     points = control.points[control.corners[corners]]
@@ -255,7 +257,8 @@ def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, co
     The other half-edges need at most one level more. `mesh`, `edge_levels` and `length` (m,) are, for each half-edge,
     the number of its mesh, the level that it needs, and its length; `count` is the number of meshes.
     """
-    # `total` has the length by mesh and level, and `length_from_level` the length that needs at least each level.
+    # `total` has the length by mesh and level, and `length_from_level` the length of the half-edges that need
+    # at least each level.
     counts = int(edge_levels.max(initial=0)) + 1
     total = np.bincount(mesh * counts + edge_levels, length, count * counts).reshape(count, counts)
     length_from_level = np.cumsum(total[:, ::-1], axis=1)[:, ::-1]
@@ -268,8 +271,8 @@ def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, co
 def _turn_angles(level: HalfEdges, normals: Floats32, first: Indices) -> Floats:
     """Return the angle (m,), in radians, that the normal turns along each half-edge of the cage.
 
-    It is the turn to the edge's middle plus the turn from there to the end. `normals` are those of level 1, and `first`
-    (m,) the corners of level 1 at the starts of the half-edges.
+    The angle is the turn to the edge's middle plus the turn from there to the end. `normals` (m', 3) are the normals at
+    the corners of level 1, and `first` (m,) the corners of level 1 at the starts of the half-edges.
     """
     corner_normals, middle_normals = normals[first].astype(np.float64), normals[first + 1].astype(np.float64)
     halves = np.linalg.norm([middle_normals - corner_normals, corner_normals[level.next] - middle_normals], axis=2)
@@ -279,7 +282,8 @@ def _turn_angles(level: HalfEdges, normals: Floats32, first: Indices) -> Floats:
 def _sharpness_delay(level: HalfEdges) -> Floats:
     """Return the number of levels (m,) before the turn along a half-edge decreases.
 
-    It is the largest finite sharpness at the ends of the half-edge, of points or edges.
+    The number is the largest finite sharpness of the two points at the ends of the half-edge, and of all edges at these
+    points.
     """
     edge_sharpness = np.where(np.isfinite(level.edge_sharpness), level.edge_sharpness, 0.0)
     point_sharpness = np.where(np.isfinite(level.point_sharpness), level.point_sharpness, 0.0)

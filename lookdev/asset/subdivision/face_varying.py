@@ -1,12 +1,12 @@
-"""Builds the half-edges of face-varying values, such as UVs, in which each distinct value at a point is a point.
+"""Builds half-edges for face-varying values, such as UVs, which can differ between the faces at a point.
 
-By OpenSubdiv's rules (its documentation, "Face-Varying Interpolation Rules"), values are refined as the surface is. A
-seam, where the values on both sides of an edge differ, is a boundary. USD's rule (`FaceVaryingRule`) determines which
-values at seams are sharp corners. Values therefore have half-edges of their own, with the sharpness of the surface's
-edges and points.
+In these half-edges, each distinct value at a point of the surface is a point. By OpenSubdiv's rules (its documentation,
+"Face-Varying Interpolation Rules"), values are refined as the surface is. A seam, where the values on both sides of an
+edge differ, is a boundary. USD's rule (`FaceVaryingRule`) determines which values at seams are sharp corners. Values
+therefore have half-edges of their own, with the sharpness of the surface's edges and points.
 
-There are v values, and n points of the surface. `level` has the half-edges of the values, and `surface` those of the
-surface; both have the same corners (m,).
+There are v values, and n points of the surface. `level` is the half-edges of the values, and `surface` the half-edges
+of the surface; both have the same corners (m,).
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ _CORNERS_PLUS_RULES: tuple[FaceVaryingRule, ...] = ("cornersPlus1", "cornersPlus
 def weld(points: Indices, values: Floats, count: int) -> tuple[Indices, Indices]:
     """Return the number (m,) of the value at each corner, and the point (v,) of each value.
 
-    `points` (m,), numbers below `count`, and `values` (m, k) are those at the corners. Equal values at one point become
-    one value. One value of each point has the number of the point; further values have numbers from `count` on.
+    `points` (m,) and `values` (m, k) are the point and the value at each corner; points are numbers below `count`.
+    Equal values at one point become one value. One value of each point has the number of the point; further values have
+    numbers from `count` on.
     """
     first_values = np.zeros((count, values.shape[1]))
     first_values[points] = values
@@ -78,7 +79,7 @@ def connect_values(cage: Cage, value_numbers: Indices, value_points: Indices, ru
 
 @dataclass(frozen=True, eq=False)
 class _ValueFans:
-    """The faces around each value: those that have the value at a corner. All arrays are (v,).
+    """The faces around each value, which are the faces with the value at a corner. All arrays are (v,).
 
     - is_used: whether there are any such faces
     - face_count: the number of these faces
@@ -96,15 +97,15 @@ class _ValueFans:
 
 
 def _find_fans(level: HalfEdges, connectivity: Connectivity, surface: HalfEdges) -> _ValueFans:
-    """Return the faces around each value; `connectivity` is that of the values."""
+    """Return the faces around each value; `connectivity` is the connectivity of `level`, the values."""
     count = len(level.point_sharpness)
     faces = np.bincount(level.points, minlength=count)
     inner = level.twins >= 0
     ends, sharpness = level.points[inner], surface.edge_sharpness[surface.edges[inner]]
     is_semi_sharp = (sharpness > 0.0) & np.isfinite(sharpness)
     sharp_edge_count = np.bincount(ends[np.isinf(sharpness)], minlength=count)
-    # Of the semi-sharp edges at a value, those with the largest sharpness, rounded up, become smooth last, all in the
-    # same refinement. In it, the weight of the corner is the mean of their remaining sharpness.
+    # Of the semi-sharp edges at a value, the edges whose sharpness, rounded up, is the largest become smooth last, all
+    # in the same refinement. In this refinement, the weight of the corner is the mean of the sharpness that remains.
     last = np.zeros(count)
     np.maximum.at(last, ends[is_semi_sharp], np.ceil(sharpness[is_semi_sharp]))
     final = is_semi_sharp & (np.ceil(sharpness) == last[ends])
@@ -142,7 +143,7 @@ def _shares_point(is_marked: Bools, value_points: Indices) -> Bools:
 
 
 def _dependent_sharpness(fans: _ValueFans, value_points: Indices) -> Floats:
-    """Return, for values at points with two values, the corner sharpness (v,) that one takes over from the other.
+    """Return, for values at points with two values, the corner sharpness (v,) that one value takes from the other.
 
     A value without semi-sharp edges has the `corner_sharpness` of the other value at its point. The sharpness of a
     value with semi-sharp edges is 0.

@@ -34,7 +34,7 @@ class Sectors:
     - first (s,): the half-edge that begins at the point, in the sector's most clockwise face
     - size (s,): the number of faces
     - kind (s,): the `SectorKind` of the masks
-    - sector_of_corner (m,): the number of the sector of each corner of the level, -1 at points that are not selected
+    - sector_of_corner (m,): the number of each corner's sector, or -1 at points that are not selected
     """
 
     first: Indices
@@ -82,8 +82,9 @@ def find_sectors(level: HalfEdges, selected: Bools) -> Sectors:
 def _number_corners(starts: Indices, ahead: Indices, sector_of_corner: Indices, first: int) -> tuple[Indices, Bools]:
     """Write the number of each corner's sector to `sector_of_corner` (m,); return the sizes and which are closed.
 
-    Each of the half-edges `starts` (s,) begins a sector, which continues with the half-edges that `ahead` (m,) links to
-    it. The sectors are numbered from `first`. A sector is closed if it returns to its start.
+    Each of the half-edges `starts` (s,) begins a sector. `ahead` (m,) is the half-edge that follows each half-edge in
+    its sector, or -1 at the sector's end. The sectors are numbered from `first`. A sector is closed if it returns to
+    its start.
     """
     size, is_closed = np.zeros(len(starts), np.intp), np.zeros(len(starts), bool)
     active, half_edges = np.arange(len(starts)), starts
@@ -103,10 +104,10 @@ def limit_surface(
     """Return the limit (n, k) of values (n, k) at the selected points, and unit normals (m, 3) at their corners.
 
     `selected` (n,) marks points; None selects all. With `needs_normals`, the first three columns of the values are a
-    position; without it, the normals are (0, 3). At points that are not selected, values are unchanged, and normals are
-    zero. Normals are also zero where the surface has no tangent plane. With the scheme bilinear, values are their own
-    limit, and each corner has the normal of its bilinear patch. Semi-sharp points are refined further, with the faces
-    around them, until they are smooth: the limit is the same from every level.
+    position; without it, the returned normals are empty (0, 3). At points that are not selected, values are unchanged,
+    and normals are zero. Normals are also zero where the surface has no tangent plane. With the scheme bilinear, values
+    are their own limit, and each corner has the normal of its bilinear patch. Semi-sharp points are refined further,
+    with the faces around them, until they are smooth: the limit is the same from every level.
     """
     if rules.scheme == "bilinear":
         return values, _patch_normals(level, values) if needs_normals else np.zeros((0, 3), np.float32)
@@ -127,9 +128,9 @@ def limit_surface(
 
 
 def complete_normals(level: HalfEdges, positions: Floats, normals: Floats32) -> None:
-    """Replace zeros in unit normals (m, 3) by the area-weighted mean normal of the faces of the corner's sector.
+    """Replace zero vectors in `normals` (m, 3) by area-weighted mean normals of the faces in the corners' sectors.
 
-    `positions` (n, 3) are the points of the level.
+    `positions` (n, 3) are the positions of the points of `level`.
     """
     missing = ~normals.any(axis=1)
     if not missing.any():
@@ -160,7 +161,7 @@ def _patch_normals(level: HalfEdges, values: Floats) -> Floats32:
 
 
 def _unit_normals(cross: Floats, squared_length: Floats) -> Floats32:
-    """Normalise cross products (s, 3) of two tangents; it is zero if the tangents do not span a plane.
+    """Normalise cross products (s, 3) of two tangents; the result is zero if the tangents do not span a plane.
 
     `squared_length` (s,) is the square of a length to which the tangents are compared (`_PLANE_TOLERANCE`).
     """
@@ -170,7 +171,7 @@ def _unit_normals(cross: Floats, squared_length: Floats) -> Floats32:
 
 
 def _semi_sharp_points(level: HalfEdges) -> Bools:
-    """Return which points (n,) have a finite sharpness above 0, or an edge with one."""
+    """Return which points (n,) have a finite sharpness above 0, or an edge with such a sharpness."""
     is_semi_sharp = (level.point_sharpness > 0.0) & np.isfinite(level.point_sharpness)
     is_semi_sharp[level.ends[(level.edge_sharpness > 0.0) & np.isfinite(level.edge_sharpness)]] = True
     return np.asarray(is_semi_sharp)

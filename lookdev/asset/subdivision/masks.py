@@ -1,12 +1,12 @@
 """Computes limit masks: weights that turn a point and its ring into the limit position and two tangents.
 
-The ring of a point is the points at its edges and, for quads, the opposite points of its faces. A sector is the faces
-around a point between two sharp edges, or all its faces. A dart is a point at which one sharp edge ends. The masks are
-left eigenvectors of the ring's refinement matrix (Halstead, Kass and DeRose, "Efficient, Fair Interpolation using
-Catmull-Clark Surfaces", 1993, section 4 and appendix A). The eigenvalues are those of Stam, "Exact Evaluation of
-Catmull-Clark Subdivision Surfaces at Arbitrary Parameter Values" (1998), section 3, and of Loop (1987).
+The ring of a point is the points at the other ends of its edges and, for quads, the opposite points of its faces. A
+sector is the faces around a point between two sharp edges, or all faces around it. A dart is a point at which one sharp
+edge ends. The masks are left eigenvectors of the ring's refinement matrix (Halstead, Kass and DeRose, "Efficient, Fair
+Interpolation using Catmull-Clark Surfaces", 1993, section 4 and appendix A). The eigenvalues follow Stam, "Exact
+Evaluation of Catmull-Clark Subdivision Surfaces at Arbitrary Parameter Values" (1998), section 3, and Loop (1987).
 
-In two cases the masks of OpenSubdiv 3.6 differ, and do not agree with its own refinement rules. At a dart it uses the
+In two cases OpenSubdiv 3.6 uses other masks, which do not agree with its own refinement rules. At a dart it uses the
 masks of a smooth point. For the tangent across a crease with three or more faces on a side (Loop: four), it uses the
 masks of the modified rules of Biermann, Levin and Zorin (2000).
 """
@@ -43,9 +43,9 @@ class Masks:
     There are r rows: the first row gives the limit position, the next two rows give the tangents.
 
     - center (r,): the weights of the point itself
-    - edges (r, size + 1): those of the points at its edges, counter-clockwise; a closed sector has only `size` edges,
-      and the last weight is 0
-    - faces (r, size): those of the opposite points of its quads
+    - edges (r, size + 1): the weights of the points at the other ends of its edges, counter-clockwise; a closed sector
+      has only `size` edges, and the last weight is 0
+    - faces (r, size): the weights of the opposite points of its quads; 0 for triangles
     """
 
     center: Floats
@@ -75,21 +75,22 @@ def limit_masks(kind: SectorKind, size: int, rules: Rules) -> Masks:
     elif kind == SectorKind.CORNER:
         point[:], edges[1, 0], edges[2, 1] = (1.0, -1.0, -1.0), 1.0, 1.0
     elif kind == SectorKind.CREASE:
-        # A crease is a cubic B-spline. This is the limit position and the tangent of a B-spline at a vertex.
+        # A crease is a cubic B-spline. These weights give the limit position and the tangent of a B-spline at a vertex.
         point[0], edges[0, [0, size]] = 2.0 / 3.0, 1.0 / 6.0
         edges[1, [0, size]] = 1.0, -1.0
         point[2], edges[2], faces[2] = _cross_tangent(size, rules)
-    # Rounding errors, such as a cosine of 90 degrees of 6e-17, become 0, so that they are not summed over all points.
+    # Rounding errors, such as 6e-17 for the cosine of 90 degrees, become 0, so that they are not summed over all
+    # points.
     return Masks(*(np.where(np.abs(weights) < 1e-15, 0.0, weights) for weights in (point, edges, faces)))
 
 
 def _cross_tangent(size: int, rules: Rules) -> tuple[float, Floats, Floats]:
     """Return the weights of the tangent across a crease: of the point, of the edges (size + 1,), of the faces (size,).
 
-    The weights are the left eigenvector of the largest eigenvalue among the eigenvectors that are symmetric about the
-    middle of the sector. At the edges between faces they are a sine. The weight at the two ends, which are the edges of
-    the crease, follows from their column of the refinement matrix and from the sum of the weights, which is 0. For one
-    face the eigenvector is the second difference of the crease.
+    Of the left eigenvectors that are symmetric about the middle of the sector, the weights are the one with the largest
+    eigenvalue. At the edges between faces, they are a sine. The two ends are the edges of the crease. Their weight
+    follows from the column of an end in the refinement matrix, and from the sum of all weights, which is 0. For one
+    face, the eigenvector is the second difference of the crease.
     """
     edges, faces = np.zeros(size + 1), np.zeros(size)
     if size == 1:
@@ -109,10 +110,10 @@ def _cross_tangent(size: int, rules: Rules) -> tuple[float, Floats, Floats]:
 def _dart_weights(size: int, rules: Rules, along: Floats) -> tuple[Floats, Floats, Floats]:
     """Return two rows of weights at a dart: of the limit position, and of the tangent along the sharp edge.
 
-    The weights are those of the point (2,), of the edges (2, size) and of the faces (2, size). The sharp edge is the
-    first edge; both rows are symmetric about it. The tangent across the sharp edge, which is not computed here, is that
-    of a smooth point, in which the sharp edge has weight 0. The dot product of the tangent's edge weights with `along`
-    (size,) becomes positive.
+    The three arrays are the weights of the point (2,), of the edges (2, size) and of the faces (2, size). The sharp
+    edge is the first edge; both rows are symmetric about it. The tangent across the sharp edge is not computed here: it
+    is the same as at a smooth point, where the sharp edge has weight 0. The tangent's sign makes the dot product of its
+    edge weights with `along` (size,) positive.
     """
     matrix = _ring_matrix(size, rules)
     matrix[1], matrix[1, :2] = 0.0, 0.5  # the point of a sharp edge becomes the edge's middle

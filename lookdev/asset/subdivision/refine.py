@@ -43,8 +43,8 @@ class RefinedCage:
 class _ValueGroup:
     """Values that share half-edges: UV sets, primvars or positions, side by side as the columns of `values` (n, k).
 
-    `columns` has a pair for each of them, in order: its index in `ControlMesh.values`, or -1 for the positions, and its
-    number of columns. With `linear_boundary`, values along a boundary are refined linearly.
+    `columns` has a pair for each UV set, primvar or position, in order: the index in `ControlMesh.values`, or -1 for
+    positions, and the number of columns. With `linear_boundary`, values along a boundary are refined linearly.
     """
 
     half_edges: HalfEdges
@@ -53,7 +53,7 @@ class _ValueGroup:
     linear_boundary: bool = False
 
     def with_column(self, number: int, values: Floats) -> _ValueGroup:
-        """Return the group with the columns `values` (n, k) appended, of the entry `number` of `ControlMesh.values`."""
+        """Return the group with k more columns, `values` (n, k), for the entry `number` of `ControlMesh.values`."""
         columns = [*self.columns, (number, values.shape[1])]
         return replace(self, values=np.hstack([self.values, values]), columns=columns)
 
@@ -91,7 +91,7 @@ def refine_cage(control: ControlMesh, subdivision: Subdivision, level: int) -> R
         corner_columns[number] = corner_values.astype(np.float32)
     for group in seam_groups:
         _assign_columns(*_refine_group(group, rules, level), group.columns, corner_columns)
-    # Values that are constant over a face are those of the first corner of the face in the cage.
+    # Values that are constant over a face are taken from the face's first corner in the cage.
     first = np.cumsum(control.sizes) - control.sizes
     for number, (interpolation, corner_values) in enumerate(control.values):
         if interpolation in ("constant", "uniform"):
@@ -101,10 +101,10 @@ def refine_cage(control: ControlMesh, subdivision: Subdivision, level: int) -> R
 
 
 def refined_values(control: ControlMesh, subdivision: Subdivision) -> tuple[Bools, list[Floats32]]:
-    """Return which faces (f,) of a cage are visible, and the values at level 1 at the corners of all faces.
+    """Return which faces (f,) of a cage are visible, and the values at the corners of all faces of level 1.
 
-    There is an array (m, k) for each entry of `control.values`, at the corners of visible and hidden faces. It is empty
-    for values that are constant over a face.
+    There is an array (m, k) for each entry of `control.values`, at the m corners of visible and hidden faces. The array
+    is empty for values that are constant over a face.
     """
     rules, cage = mask_rules(subdivision), build_cage(control, subdivision)
     surface, seam_groups, linear_values = _group_values(control, cage, rules, subdivision)
@@ -124,7 +124,7 @@ def _group_values(
 
     Return three results: the group of the positions and of values that are refined with them; the groups that have
     half-edges of their own because of seams; and the values (m, k) at corners that are refined linearly over each face,
-    by their index in `control.values`. Values that are constant over a face are in none of them.
+    by their index in `control.values`. Values that are constant over a face are in none of the results.
     """
     count, rule = len(control.points), subdivision.face_varying
     surface, seam_groups = _ValueGroup(cage.half_edges, control.points, [(-1, 3)]), dict[bytes, _ValueGroup]()
@@ -181,9 +181,9 @@ def _refine_group(group: _ValueGroup, rules: Rules, level: int) -> tuple[HalfEdg
 def _assign_columns(
     half_edges: HalfEdges, values: Floats, columns: list[tuple[int, int]], corner_columns: list[Floats32]
 ) -> None:
-    """Write the values of a group to `corner_columns`, by their index in `ControlMesh.values`, as arrays over corners.
+    """Write the values of a group to `corner_columns`: arrays (m, k) over corners, by index in `ControlMesh.values`.
 
-    `values` (n, k) and `columns` are those of the group (`_ValueGroup`).
+    `values` (n, k) and `columns` are as in `_ValueGroup`.
     """
     start = 0
     for number, width in columns:
@@ -193,7 +193,7 @@ def _assign_columns(
 
 
 def _polygon_normals(half_edges: HalfEdges, points: Floats, rules: Rules) -> Floats32:
-    """Return the normals (m, 3) at the corners of an unrefined cage: flat if bilinear, otherwise means at points."""
+    """Return the normals (m, 3) at the corners of an unrefined cage: flat if bilinear, otherwise smooth."""
     if rules.scheme == "bilinear":
         areas = area_vectors(points[half_edges.points], half_edges.sizes)
         return flat_normals(areas, half_edges.sizes).astype(np.float32)

@@ -3,7 +3,8 @@
 Creases and corners can be sharp or semi-sharp. They follow DeRose, Kass and Truong, "Subdivision Surfaces in Character
 Animation" (1998), section 3, in the form that OpenSubdiv documents. A point is a corner if it is sharp or if more than
 two sharp edges meet at it; it is on a crease if exactly two meet; otherwise it is smooth. Sharpness falls by 1 at each
-level. If a point thereby becomes, say, smooth instead of a corner at the next level, the masks of both are blended.
+level. If the kind of a point thereby changes, such as from a corner to a smooth point, the masks of both kinds are
+blended.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ _TRIANGLE_WEIGHT = 0.470
 class Rules:
     """The rules that determine masks: the scheme, and the triangle rule.
 
-    `smooth_triangles` is whether edges of triangles have the weight `_TRIANGLE_WEIGHT`, in the scheme catmullClark.
+    With `smooth_triangles`, which only the scheme catmullClark has, triangles have the weight `_TRIANGLE_WEIGHT` in the
+    new points of their edges.
     """
 
     scheme: Scheme
@@ -68,10 +70,10 @@ def _soft_edges(level: HalfEdges) -> tuple[Indices, Indices, Floats]:
 
 
 def _smooth_edges(level: HalfEdges, means: Floats, edge_points: Floats, rules: Rules) -> None:
-    """Overwrite the points of edges of sharpness below 1 in `edge_points` (e, k), which has the edges' middles.
+    """Replace the edges' middles in `edge_points` (e, k) by new points where an edge's sharpness is below 1.
 
     A smooth edge's point is the mean of its ends and of both faces' centroids, `means` (f, k) (Catmull and Clark 1978).
-    With a sharpness between 0 and 1, it is interpolated between that mean and the middle.
+    With a sharpness between 0 and 1, the point is interpolated between this mean and the edge's middle.
     """
     edges, half_edges, sharpness = _soft_edges(level)
     a, b = level.faces[half_edges], level.faces[level.twins[half_edges]]
@@ -84,10 +86,10 @@ def _smooth_edges(level: HalfEdges, means: Floats, edge_points: Floats, rules: R
 
 
 def _smooth_loop_edges(level: HalfEdges, values: Floats, edge_points: Floats) -> None:
-    """Overwrite the points of edges of sharpness below 1 in `edge_points` (e, k), which has the edges' middles.
+    """Replace the edges' middles in `edge_points` (e, k) by new points where an edge's sharpness is below 1.
 
     A smooth edge's point has weights of 3/8 for both ends and 1/8 for both opposite points (Loop 1987). With a
-    sharpness between 0 and 1, it is interpolated between that point and the middle.
+    sharpness between 0 and 1, the new point is interpolated between this point and the edge's middle.
     """
     edges, half_edges, sharpness = _soft_edges(level)
     opposite = level.points[level.previous]
@@ -115,8 +117,8 @@ def _refine_points(level: HalfEdges, values: Floats, around: Floats, rules: Rule
     point_weight, ring_weight = smooth_weights(np.bincount(level.points, minlength=len(values)), rules)
     result: Floats = (corner + 0.75 * crease + smooth * point_weight)[:, None] * values
     result += (smooth * ring_weight)[:, None] * sum_by(level.points, around, len(values))
-    # Add the other ends of the two edges of a crease. They are the sharp edges, or, at a point that is on a crease only
-    # at the next level, the edges that stay sharp.
+    # Add the other ends of the two edges of a crease. These are the sharp edges, or, at a point that is on a crease
+    # only at the next level, the edges that stay sharp.
     threshold = np.where(is_crease, 0.0, 1.0)
     for this, other in (level.ends.T, level.ends.T[::-1]):
         edges = np.flatnonzero((level.edge_sharpness > threshold[this]) & (crease[this] > 0.0))
@@ -127,7 +129,7 @@ def _refine_points(level: HalfEdges, values: Floats, around: Floats, rules: Rule
 
 
 def _corners_and_creases(level: HalfEdges, above: float) -> tuple[Bools, Bools]:
-    """Return which points (n,) are corners and which lie on creases, counting features sharper than `above`."""
+    """Return which points (n,) are corners and which are on creases; sharpness up to `above` counts as smooth."""
     edges = level.sharp_edges(above)
     corner = (level.point_sharpness > above) | (edges > 2)
     return corner, (edges == 2) & ~corner
@@ -136,7 +138,8 @@ def _corners_and_creases(level: HalfEdges, above: float) -> tuple[Bools, Bools]:
 def _transition_weights(level: HalfEdges) -> Floats:
     """Return the weight (n,) of a point's present mask if it has another mask at the next level.
 
-    The weight is the mean of all sharpness at the point, its own and that of its edges, that falls to zero.
+    The sharpness of the point and of its edges falls to 0 at the next level if it is at most 1. The weight is the mean
+    of those values that are above 0 and fall to 0.
     """
     is_fading_edge = (level.edge_sharpness > 0.0) & (level.edge_sharpness <= 1.0)
     ends, sharpness = level.ends[is_fading_edge].ravel(), np.repeat(level.edge_sharpness[is_fading_edge], 2)
@@ -147,9 +150,9 @@ def _transition_weights(level: HalfEdges) -> Floats:
 
 
 def smooth_weights(valence: Indices, rules: Rules) -> tuple[Floats, Floats]:
-    """Return the weights (n,) of smooth points in their new values, and those (n,) of each term around them.
+    """Return, for smooth points, the weight (n,) of the old value in the new one, and the weight (n,) of each term.
 
-    `valence` (n,) is the number of faces around each point. The terms are those of `_refine_points`.
+    `valence` (n,) is the number of faces around each point. The terms are the `around` of `_refine_points`.
     """
     n = np.maximum(valence, 1).astype(np.float64)
     if rules.scheme == "loop":

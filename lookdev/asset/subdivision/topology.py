@@ -3,6 +3,8 @@
 A half-edge runs from a corner of a face to the face's next corner, and has the number of the corner where it starts.
 Its twin is the half-edge of the neighbouring face along the same edge. A half-edge has no twin if its edge has no other
 face, or more than one.
+
+Level 0 is the cage, and each refinement makes the next level. In the code, `level` is the half-edges of a level.
 """
 
 from __future__ import annotations
@@ -28,8 +30,8 @@ class HalfEdges:
     - edges (m,): the edge of each half-edge
     - twins (m,): the twin of each half-edge, -1 if it has none
     - ends (e, 2): the two points of each edge
-    - edge_sharpness (e,), point_sharpness (n,): 0 is smooth; infinite at boundaries and where the surface is not
-      manifold
+    - edge_sharpness (e,), point_sharpness (n,): 0 means smooth; the sharpness is infinite at boundaries and where the
+      surface is not manifold
     """
 
     sizes: Indices
@@ -67,9 +69,9 @@ class HalfEdges:
         return np.bincount(self.ends[self.edge_sharpness > above].ravel(), minlength=len(self.point_sharpness))
 
     def extract(self, faces: Bools) -> tuple[HalfEdges, Indices, Indices]:
-        """Return the marked faces (f,) as a level, and the indices in this level of its corners and of its points.
+        """Return the half-edges of only the marked faces (f,), and the indices in `self` of their corners and points.
 
-        Edges at which the faces are cut off from the others become infinitely sharp.
+        Edges that are shared with faces that are not marked become infinitely sharp.
         """
         corners = np.flatnonzero(faces[self.faces])
         old_points, points = np.unique(self.points[corners], return_inverse=True)
@@ -89,11 +91,14 @@ class HalfEdges:
 
 @dataclass(frozen=True, eq=False)
 class Connectivity:
-    """Which edges (e,) of a cage are not manifold, and the number of fans around each point (n,).
+    """The edges of a cage that are not manifold, and the fans of faces around its points.
 
-    An edge is not manifold if it has more than two faces, occurs twice in one face, or joins two faces of opposite
-    winding. A fan is a set of faces around a point that are connected by twins. A manifold point has one fan, and all
-    its edges are manifold.
+    - is_nonmanifold_edge (e,): whether an edge has more than two faces, occurs twice in one face, or joins two faces of
+      opposite winding
+    - fan_counts (n,): the number of fans around each point; a fan is a set of faces around a point that are connected
+      by twins
+
+    A manifold point has one fan, and all its edges are manifold.
     """
 
     is_nonmanifold_edge: Bools
@@ -154,17 +159,18 @@ def _fan_counts(level: HalfEdges) -> Indices:
 def split_faces(level: HalfEdges, triangles: bool) -> HalfEdges:
     """Return the next level: each face becomes quads, one for each corner, or with `triangles`, four triangles.
 
-    The points of the next level are those of this level, then one for each edge and, unless `triangles`, one for each
-    face. A new face is called a child. The child at corner c starts at the point of c, with the half-edge that
-    `first_child` returns for c. The fourth triangle is in the middle. Sharpness falls by one ("uniform" creasing,
-    DeRose et al. 1998, section 3).
+    The points of the next level are the points of this level, then a point for each edge and, unless `triangles`, a
+    point for each face. A new face is called a child. The child at corner c starts at the point of c, with the
+    half-edge that `first_child` returns for c. The fourth triangle is in the middle. Sharpness falls by one ("uniform"
+    creasing, DeRose et al. 1998, section 3).
     """
     edge_count, count = len(level.ends), len(level.point_sharpness)
     corners = np.arange(len(level.points))
     child = first_child(corners, triangles)
     edge_points = count + np.arange(edge_count)
-    # Edge i is split into the new edges 2 i and 2 i + 1, at its first and its second end. For each corner, the leading
-    # half is the new edge at the corner on its half-edge, and the trailing half that on the previous half-edge.
+    # Edge i is split into the new edges 2 i and 2 i + 1, at its first and its second end. Two new edges meet at each
+    # corner: the leading half is a half of the corner's own half-edge, and the trailing half is a half of the previous
+    # half-edge.
     is_reversed = level.ends[level.edges, 0] != level.points
     leading_halves, trailing_halves = 2 * level.edges + is_reversed, (2 * level.edges + ~is_reversed)[level.previous]
     # Each half-edge has a new inner edge, from its edge's new point to the face's point or, for triangles, to the new
@@ -233,8 +239,8 @@ def next_sharpness(sharpness: Floats) -> Floats:
 def _interleave(outer: list[_Array], middle: _Array) -> _Array:
     """Return values at the corners of the next level's triangles, four for each old triangle.
 
-    `outer` has three arrays: the values at the first, second and third corner of the triangle at each old corner, (m,)
-    or (m, k). `middle` has those at the corners of the middle triangles.
+    `outer` has three arrays: the values at the first, second and third corner of the child at each old corner, (m,) or
+    (m, k). `middle` has the values at the corners of the middle triangles.
     """
     three = np.stack(outer, axis=1).reshape(-1, 9, *middle.shape[1:])
     four = np.concatenate([three, middle.reshape(-1, 3, *middle.shape[1:])], axis=1)

@@ -1,4 +1,4 @@
-"""Reads and checks the values of USD attributes at a time, for all modules that read assets.
+"""Reads and checks the values of USD attributes at a given time, for all modules that read assets.
 
 A value has the requested type, shape and range, or an AssetError names its prim and attribute. The checks are needed
 because USD returns the value that a layer has, even if it contradicts the attribute's type. The caller checks the
@@ -128,7 +128,7 @@ def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, allowed: Sequence[
 
 
 def read_texts(prim: Usd.Prim, name: str) -> tuple[str, ...]:
-    """Return the texts of an array attribute at the default time; raises AssetError if it has another type."""
+    """Return the texts of an array attribute at the default time; raises AssetError for a value of another type."""
     value = prim.GetAttribute(name).Get()
     if value is None:
         return ()
@@ -156,7 +156,7 @@ def check_interpolation(prim: Usd.Prim, name: str, interpolation: str) -> Interp
 
 
 def points_from_velocities(prim: Usd.Prim, time: Usd.TimeCode) -> Floats | None:
-    """Return the points (n, 3) of a point-based prim at a time, moved by its velocities; None if it has no velocities.
+    """Return the points (n, 3) of a point-based prim, moved by its velocities to `time`; None without velocities.
 
     Between two time samples, velocities extrapolate the points from the earlier sample. This is UsdGeom's rule for
     motion in which the number of points changes between samples, as in a simulation. Velocities that do not fit the

@@ -26,8 +26,8 @@ class Offsets:
     """The offsets of a blend shape at its weight.
 
     `path` is the path of the blend shape. `points` (k, 3) are offsets of points; `normals` (k, 3) are offsets of
-    normals, or (0, 3) if the shape has none. `indices` (k,) are the points of the mesh to which the offsets are added;
-    None means all points.
+    normals, or (0, 3) if the shape has none. `indices` (k,) are the indices of the mesh's points to which the offsets
+    are added; None means all points.
     """
 
     path: str
@@ -60,12 +60,12 @@ class Offsets:
 def blend_offsets(
     prim: Usd.Prim, names: Sequence[str], targets: Sequence[Sdf.Path], weights: Mapping[str, float], notes: list[str]
 ) -> Iterator[Offsets]:
-    """Yield the offsets of each blend shape of a gprim that has a weight other than 0.
+    """Yield the offsets of a gprim's blend shapes; shapes of weight 0 are left out.
 
-    The offsets are interpolated linearly between the shapes with the nearest weights below and above: no offset at 0,
-    the inbetweens, and the blend shape itself at 1. `names` and `targets` are the gprim's blend shapes: their names and
-    the paths of their prims. `weights` has the weights by name. Messages about inbetweens without effect are appended
-    to `notes`.
+    The offsets are interpolated linearly between the two shapes with the nearest weights below and above. The shapes
+    are: no offset at weight 0, each inbetween at its weight, and the blend shape itself at weight 1. `names` and
+    `targets` are the gprim's blend shapes: their names and the paths of their prims. `weights` has the weights by name.
+    Messages about inbetweens without effect are appended to `notes`.
 
     Raises
     ------

@@ -43,7 +43,7 @@ def collections_above(stage: Usd.Stage, paths: Iterable[str]) -> tuple[str, ...]
 
 
 def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) -> frozenset[str]:
-    """Return those of the prim paths `paths` that a collection, given by its path, includes.
+    """Return the prim paths in `paths` that a collection includes; `collection` is the collection's path.
 
     Raises
     ------

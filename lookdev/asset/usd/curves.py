@@ -41,10 +41,10 @@ _COINCIDENCE = 1e-6  # the distance, relative to a length of the curve, up to wh
 def curve_shape(
     prim: Usd.Prim, time: Usd.TimeCode, unit: float, attributes: Sequence[Attribute] = (), points: Floats | None = None
 ) -> PolygonShape:
-    """Return the curves of a prim at a time as a shape in metres; `unit` is the length of the stage's unit in metres.
+    """Return the curves of a prim at `time` as a shape in metres; `unit` is the length of the stage's unit in metres.
 
     `attributes` are primvars of the prim, with any indices applied; the shape has them by point, by face or constant.
-    `points` (n, 3), in the stage's unit, replace those of the prim. Curves without length or width have no faces.
+    `points` (n, 3), in the stage's unit, replace the prim's points. Curves without length or width have no faces.
 
     Raises
     ------
@@ -97,9 +97,9 @@ def point_shape(
     """Return the sphere that each point of a UsdGeom.Points prim becomes, as a shape in metres, and its placements.
 
     The sphere has the radius of one unit of the stage. Its placements are matrices (k, 4, 4) for row vectors, which map
-    it to the prim's space in the stage's unit, as those of a PointInstancer do. There is one for each point of positive
-    width, in order. Ids and normals of points have no effect. `unit` is the length of the stage's unit in metres,
-    `error` that of `primitive_shape`. `points` (n, 3) replace those of the prim.
+    the sphere to the prim's space in the stage's unit, as a PointInstancer does. There is one placement for each point
+    of positive width, in order. Ids and normals of points have no effect. `unit` is the length of the stage's unit in
+    metres, and `error` is as in `primitive_shape`. `points` (n, 3) replace the prim's points.
 
     Raises
     ------
@@ -122,9 +122,10 @@ def point_shape(
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """The r samples of curves: for each its segment (r,), and its parameter t (r,), from 0 to 1, in the segment.
+    """The r samples of the curves in `splines`.
 
-    `index`, `weights` and `rates` (r, k) are the results of `Splines.evaluate`.
+    - segments, t (r,): the segment of each sample, and the sample's parameter in the segment, from 0 to 1
+    - index, weights, rates (r, k): the results of `Splines.evaluate`
     """
 
     splines: Splines
@@ -173,8 +174,9 @@ class _Samples:
         return values[self.curves] if interpolation == "uniform" else self.interpolate_vertices(values)
 
     def _interpolate_varying(self, values: Floats, label: str) -> Floats:
-        """Return `interpolate` for values (n, c) at the ends of segments: linear over each segment."""
-        # For each sample, the number in its curve of the value at the segment's start, and of the one at its end.
+        """Return the result of `interpolate` for values (n, c) at the ends of segments, linear over each segment."""
+        # For each sample: `number` is the number, in its curve, of the value at the start of the segment, and
+        # `following` the number of the value at the end.
         splines, curves = self.splines, self.curves
         number = self.segments - run_starts(splines.segment_counts)[curves]
         counts = splines.segment_counts + (not splines.periodic)
@@ -248,7 +250,7 @@ def _path_lengths(positions: Floats, starts: Indices) -> Floats:
 def _rings(
     samples: _Samples, is_used: Bools, positions: Floats, radii: Floats, slopes: Floats
 ) -> tuple[CurveSamples, Indices]:
-    """Return rings at the samples that are used, and the number (c,) of the spline of each of the rings' c curves.
+    """Return rings at the samples that are used, and, for each of the rings' c curves, its number (c,) in `samples`.
 
     `slopes` (r, 3) are the derivatives of the positions by t.
     """
@@ -273,7 +275,7 @@ def _rings(
 
 
 def _splines(prim: Usd.Prim, time: Usd.TimeCode, counts: Indices) -> Splines:
-    """Return the splines of a prim's curves, which have the numbers of vertices `counts` (c,)."""
+    """Return the splines of a prim's curves; `counts` (c,) are the numbers of the curves' vertices."""
     path = str(prim.GetPath())
     if prim.IsA(UsdGeom.NurbsCurves):
         orders, knots = read_array(prim, "order", time, np.intp), read_array(prim, "knots", time, np.float64)

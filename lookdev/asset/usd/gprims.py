@@ -32,8 +32,8 @@ _CURVE_ATTRIBUTES = ("widths", "normals")  # primvars with a meaning of their ow
 class GprimSurface:
     """A gprim's shape, and the names of the GeomSubsets that are the shape's parts 1, 2, ...
 
-    The transform of the prim `Skinning.space` places the shape. `copies`, unless None, are matrices (k, 4, 4) for row
-    vectors in the stage's unit, which place k copies of the shape in the space of that prim.
+    The transform of the prim that `Skinning.placing_prim` returns places the shape. `copies`, unless None, are matrices
+    (k, 4, 4) for row vectors in the stage's unit, which place k copies of the shape in the space of that prim.
     """
 
     shape: PolygonShape
@@ -42,7 +42,7 @@ class GprimSurface:
 
 
 class GprimReader:
-    """Reads gprims of a stage at a time, in metres.
+    """Reads gprims of a stage at a given time, in metres.
 
     `unit` is the length of the stage's unit in metres. `note` is called with a message and the prim for content that is
     dropped.
@@ -60,7 +60,7 @@ class GprimReader:
         self._shared: dict[primitives.PrimitiveKey, tuple[primitives.PrimitiveKey, float]] = {}
 
     def set_errors(self, gprims: Iterable[PlacedGprim]) -> None:
-        """Set the errors with which primitives become meshes (`primitive_shape`), from all visible gprims.
+        """Choose the error of each primitive's mesh (`error` of `primitive_shape`) from all visible gprims.
 
         If there are too many primitives for the least error, primitives of equal proportions become scaled copies of
         one surface.
@@ -72,7 +72,7 @@ class GprimReader:
                     key = primitives.primitive_key(gprim.prim, self._time)
                 except AssetError:
                     continue  # `read` raises it again
-                # The root mean square of the scales along the axes, of the largest placement.
+                # The scale of the largest placement: the root mean square of the scales along the axes.
                 scale = float(np.linalg.norm(gprim.transforms[:, :3, :3], axis=(1, 2)).max()) / np.sqrt(3.0)
                 radii[key] = max(radii.get(key, 0.0), max(key[2:]) * scale)
         sized = {key: radius for key, radius in radii.items() if 0.0 < radius < np.inf}
@@ -114,9 +114,9 @@ class GprimReader:
         return GprimSurface(shape, subsets)
 
     def copies(self, prim: Usd.Prim, surface: GprimSurface) -> Floats | None:
-        """Return the placements (k, 4, 4) of a gprim's surface, as in `GprimSurface.copies`, or None for a single one.
+        """Return the placements (k, 4, 4) of a gprim's surface, as in `GprimSurface.copies`, which may be None.
 
-        Unlike `surface.copies`, they include the scale of a primitive relative to the surface that it shares.
+        Unlike `surface.copies`, the placements include the scale of a primitive relative to the surface that it shares.
         """
         scale = self._shared_scale(prim)
         return surface.copies if scale == 1.0 else np.diag([scale, scale, scale, 1.0])[None]
@@ -128,7 +128,7 @@ class GprimReader:
         return self._shared.get(primitives.primitive_key(prim, self._time), ((), 1.0))[1]
 
     def _read_primitive(self, prim: Usd.Prim) -> GprimSurface:
-        """Return the surface of a primitive; if it shares the surface with others, without its scale."""
+        """Return the surface of a primitive; a surface that it shares with others lacks the primitive's scale."""
         error = self._errors.get(primitives.primitive_key(prim, self._time), primitives.MIN_ERROR)
         shape = primitives.primitive_shape(prim, self._time, self._unit / self._shared_scale(prim), error)
         deformed = self.skinning.deform(prim, shape.points / self._unit)

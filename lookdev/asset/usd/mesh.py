@@ -24,12 +24,12 @@ _TAGS = ("creaseIndices", "creaseLengths", "creaseSharpnesses", "cornerIndices",
 def mesh_shape(
     prim: Usd.Prim, time: Usd.TimeCode, unit: float, primvars: PrimvarReader, points: Floats | None = None
 ) -> tuple[PolygonShape, tuple[str, ...]]:
-    """Return the shape of a mesh at a time, and the names of its GeomSubsets with material bindings.
+    """Return the shape of a mesh at `time`, and the names of its GeomSubsets with material bindings.
 
     Part n of the shape has the faces of subset n, counted from 1; part 0 has all other faces. `unit` is the length of
-    the stage's unit in metres. `points` (n, 3), in the stage's unit, replace those of the file. Authored normals of a
-    subdivision surface have no effect, as USD's schema says. A mesh of subdivisionScheme ``none`` without normals is
-    flat.
+    the stage's unit in metres. `points` (n, 3), in the stage's unit, replace the points in the file. Authored normals
+    of a subdivision surface have no effect, as USD's schema says. A mesh of subdivisionScheme ``none`` without normals
+    is flat.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def mesh_shape(
 def _read_subdivision(
     prim: Usd.Prim, time: Usd.TimeCode, scheme: Scheme, authored: set[str], point_count: int
 ) -> Subdivision:
-    """Return the subdivision rules of a mesh; those that are not among its authored properties have their defaults."""
+    """Return the subdivision rules of a mesh; a rule has its default unless its property is in `authored`."""
     # For each rule: the field of `Subdivision`, the attribute in USD, and the type of the allowed values.
     fields = (
         ("interpolate_boundary", "interpolateBoundary", BoundaryRule),
@@ -131,8 +131,8 @@ def _read_sharpness(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats32:
 def _read_parts(prim: Usd.Prim, time: Usd.TimeCode, face_count: int) -> tuple[tuple[str, ...], Indices | None]:
     """Return the names of a mesh's subsets with material bindings, and the part (f,) of each face.
 
-    A face's part is the number of its subset, from 1, or 0 if the face is in no subset. None means that there are no
-    such subsets.
+    A face's part is the number of its subset, from 1, or 0 if the face is in no subset. Without such subsets,
+    the second result is None.
     """
     subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.GetAllChildrenNames() else []
     if not subsets:

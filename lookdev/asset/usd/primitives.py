@@ -1,17 +1,17 @@
 """Makes meshes of UsdGeom's primitives: Cube, Sphere, Cylinder, Cone, Capsule, Plane, Cylinder_1 and Capsule_1.
 
 Points lie on the surface, normals are exact and change only at true edges, and all faces are planar. A surface has one
-face along a direction in which it is straight; a tapered side has a few.
+face along a direction in which it is straight; a tapered side has several.
 
 The texture coordinates ``st`` fill the unit square and are never mirrored. Around an axis, u grows counter-clockwise,
 seen against the axis, from the next coordinate axis (x for z, y for x, z for y). v grows along the axis: on a sphere
 with the latitude, on a capsule with the length of its profile, on the side of a cylinder or cone from 0 at the lower
-end to 1 at the upper. A cap is a disc in the unit square. Each face of a cube is the unit square; on the four sides, v
-grows along the stage's up axis. On a plane, u grows along the width and v along the length, towards -z if one of them
+end to 1 at the upper. A cap is a disc in the unit square. Each face of a cube fills the unit square; on the four sides,
+v grows along the stage's up axis. On a plane, u grows along the width and v along the length, towards -z if one of them
 lies along z.
 
-The side of a Capsule_1 is tangent to both of its spheres, as its schema requires. Hydra's has an edge there, since it
-uses `atan` for `asin`.
+The side of a Capsule_1 is tangent to both of its spheres, as its schema requires. In Hydra, the surface has an edge
+there, since Hydra uses `atan` instead of `asin`.
 
 A surface is computed with its largest size scaled to 1, so that surfaces of equal proportions share arrays.
 """
@@ -29,7 +29,7 @@ from lookdev.arrays import Floats, Indices
 from lookdev.asset.shape import Attribute, PolygonShape
 from lookdev.asset.usd.attributes import read_number, read_token
 
-# The positions by which (x, y, z) of a surface about the z axis is rolled to become one about another axis.
+# By axis: the shift of `np.roll` that turns (x, y, z) of a surface about the z axis into a surface about this axis.
 _AXIS_ROLLS = {"X": 1, "Y": 2, "Z": 0}
 # The directions of u and v on a plane, by its axis.
 _PLANE_AXES = {"X": ((0, 0, -1), (0, 1, 0)), "Y": ((1, 0, 0), (0, 0, -1)), "Z": ((1, 0, 0), (0, 1, 0))}
@@ -42,7 +42,7 @@ PrimitiveKey = tuple[str, str, *tuple[float, ...]]
 
 
 def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: float = MIN_ERROR) -> PolygonShape:
-    """Return a primitive at a time as a shape in metres; `unit` is the length of the stage's unit in metres.
+    """Return a primitive at `time` as a shape in metres; `unit` is the length of the stage's unit in metres.
 
     `error` bounds the distance between the faces and the curved surface, relative to the surface's radius, and so the
     error of any silhouette. A sphere has 49,928 faces for an error of 1e-4 and 5,000 for 1e-3. A surface without area,
@@ -58,7 +58,7 @@ def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: floa
 
 
 def proportions(key: PrimitiveKey, error: float) -> tuple[tuple[str, str, int, *tuple[float, ...]], float]:
-    """Return the parameters of a primitive whose largest size is scaled to 1, and the size before it was scaled.
+    """Return the parameters of a primitive, scaled so that its largest size is 1, and the largest size before that.
 
     The parameters are the type, the axis, the number of segments around the axis, which `error` determines, and the
     sizes.
@@ -94,7 +94,7 @@ def _scaled_shape(name: str, surface: _Surface, scale: float) -> PolygonShape:
 
 
 def primitive_key(prim: Usd.Prim, time: Usd.TimeCode) -> PrimitiveKey:
-    """Return the parameters of a primitive at a time, which are equal for prims that can share a mesh.
+    """Return the parameters of a primitive at `time`, which are equal for prims that can share a mesh.
 
     The axis of a cube is the stage's up axis, along which v grows. Raises AssetError as `primitive_shape` does.
     """
@@ -109,7 +109,7 @@ def primitive_key(prim: Usd.Prim, time: Usd.TimeCode) -> PrimitiveKey:
 
 
 def surface_errors(radii: Floats) -> Floats:
-    """Return the relative error (k,) of each distinct curved surface of an asset, from their radii (k,) in world space.
+    """Return the relative error (k,) of each distinct curved surface of an asset; `radii` (k,) are in world space.
 
     The radii are positive. The error is 1e-4 for up to about eighty surfaces. For more, the absolute error is the same
     for all surfaces, so that together they have about four million faces. The relative error is then at most 0.03, for
@@ -175,7 +175,7 @@ def _make_plane(axis: str, segments: int, width: float, length: float) -> _Surfa
 
 
 def _make_rectangles(u: Floats, v: Floats, centers: Floats) -> _Surface:
-    """Return f rectangles with the given centres (f, 3); `u` and `v` (f, 3) are the vectors of half their sides."""
+    """Return f rectangles; `u` and `v` (f, 3) are vectors from the centres (f, 3) to the middles of two sides."""
     st = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     s, t = (2.0 * st - 1.0).T[..., None]
     corners = (centers[:, None] + s * u[:, None] + t * v[:, None]).reshape(-1, 3)
@@ -188,8 +188,9 @@ def _make_rectangles(u: Floats, v: Floats, centers: Floats) -> _Surface:
 class _Piece:
     """A smooth part of a profile of a surface of revolution.
 
-    points (k, 2) are radius and height, with the outside on the right of the profile's direction. normals (k, 2) are
-    the radial and the axial component. v (k,) is the texture coordinate, or None for a cap, which is mapped as a disc.
+    - points (k, 2): radius and height, with the outside on the right of the profile's direction
+    - normals (k, 2): unit normals, as radial and axial components
+    - v (k,): the texture coordinate v, or None for a cap, which is mapped as a disc
     """
 
     points: Floats

@@ -1,6 +1,6 @@
 """Reads the primvars of a gprim, its own and those that it inherits, and checks their types.
 
-The number of their values is checked later. A primvar whose values have two numbers is a UV set. So is a primvar of
+The number of values is checked later. A primvar whose values have two numbers is a UV set. So is a primvar of
 texture coordinates with three numbers; the third number is dropped. Other primvars have one or three numbers. A primvar
 of another type is dropped without a note. A primvar is dropped with a note if it has no value, several elements per
 value, or a name that USD defines with a different type.
@@ -29,8 +29,8 @@ _SKINNING = "skel:"
 class InheritedPrimvars:
     """Primvars that a prim inherits, or that its children can inherit from it.
 
-    `attributes` are their values, by name. `primvars` are USD's primvars, which can include others: primvars of dropped
-    types, and those that the prim authors itself. `key` is equal for equal names and values of attributes.
+    `attributes` has their values, by name. `primvars` are USD's primvars. They can include more: primvars of dropped
+    types, and primvars that the prim authors itself. `key` is equal for equal names and values of attributes.
     """
 
     primvars: tuple[UsdGeom.Primvar, ...] = ()
@@ -39,7 +39,7 @@ class InheritedPrimvars:
 
 
 class PrimvarReader:
-    """Reads primvars at a time; calls `note` with a message and the prim for each dropped primvar."""
+    """Reads primvars at a given time; calls `note` with a message and the prim for each dropped primvar."""
 
     def __init__(self, time: Usd.TimeCode, note: Callable[[str, Usd.Prim], None]) -> None:
         self._time = time
@@ -142,9 +142,10 @@ def _is_texture_coordinate(kind: Sdf.ValueTypeName) -> bool:
 
 
 def default_uv(names: Collection[str], texture_coordinates: Collection[str]) -> str:
-    """Return the default of the UV sets `names`: ``st``, or the only one in `texture_coordinates`, or the only one.
+    """Return the default of the UV sets `names`: ``st``, else the only one with a texture coordinate type, else "".
 
-    `texture_coordinates` are the names of primvars of a texture coordinate type. Without a default, return "".
+    If no UV set has such a type, the default is the only UV set. `texture_coordinates` are the names of the primvars
+    that have such a type.
     """
     if "st" in names:
         return "st"

@@ -1,7 +1,7 @@
 """Makes an asset of a stage's visible surfaces: its meshes, instances and slots, and notes for the user.
 
 A shape is read once for all gprims that share it. A surface here is a placed gprim with its shape, the GeomSubsets that
-divide it into parts, and the primvars that it inherits.
+divide the shape into parts, and the primvars that the gprim inherits.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class _PlacedSurface:
 
 
 class UsdScene:
-    """Reads the meshes, instances and slots of a composed stage at a time.
+    """Reads the meshes, instances and slots of a composed stage at a given time.
 
     `time` is as in `read_usd`; only gprims of the given purposes are read. The messages of its AssetErrors lack the
     file's name, which `name_file_in_errors` adds.
@@ -166,7 +166,7 @@ class UsdScene:
     def _make_meshes(self, surfaces: Sequence[_PlacedSurface], mesh_of_shape: Mapping[int, Mesh]) -> list[int]:
         """Append a mesh for each combination of shape, materials and inherited primvars; return mesh numbers.
 
-        There is a number for each surface, the index of its mesh in `_meshes`. The slots of a new mesh are appended to
+        The number of each surface is the index of its mesh in `_meshes`. The slots of a new mesh are appended to
         `_slots`. `mesh_of_shape` has the mesh of each shape, by number.
         """
         # `used_parts` has the parts of each shape that have faces. `parts` lists, for all surfaces, the prims of these
@@ -278,9 +278,9 @@ def _bound_materials(prims: Sequence[Usd.Prim]) -> list[Usd.Prim | None]:
 
 
 def _dangling_bindings(prims: Sequence[Usd.Prim]) -> Iterator[tuple[str, Sdf.Path, Usd.Prim]]:
-    """Yield each binding on the prims and their ancestors whose target is not a material, as (name, target, prim).
+    """Yield the bindings of prims and their ancestors to targets that are not materials, as (name, target, prim).
 
-    `name` is the name of the binding's relationship.
+    `name` is the name of the binding's relationship, and `prim` the prim that has it.
     """
     visited: set[Sdf.Path] = set()
     for prim in prims:
@@ -295,7 +295,7 @@ def _dangling_bindings(prims: Sequence[Usd.Prim]) -> Iterator[tuple[str, Sdf.Pat
 def _add_constant_attributes(mesh: Mesh, attributes: Mapping[str, Attribute]) -> Mesh:
     """Return a mesh with further attributes, by name, that are constant over the mesh.
 
-    Each is an array over all corners that has a single value in memory.
+    Each attribute becomes an array over all corners, with a single value in memory.
     """
     uvs, primvars = dict(mesh.uvs), dict(mesh.primvars)
     for name, attribute in attributes.items():

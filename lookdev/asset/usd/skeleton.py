@@ -1,4 +1,4 @@
-"""Reads skeletons of UsdSkel at a time: the transforms of their joints, and the weights of blend shapes."""
+"""Reads skeletons of UsdSkel at a given time: the transforms of their joints, and the weights of blend shapes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lookdev.errors import AssetError
 from lookdev.stage import prim_and_ancestors, relationship_targets
 
 _ANIMATION = "skel:animationSource"
-_COMPONENTS = {"translations": (3,), "rotations": (4,), "scales": (3,)}  # of an animation, with shapes of the values
+_COMPONENTS = {"translations": (3,), "rotations": (4,), "scales": (3,)}  # of an animation, with the shape of one value
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +28,9 @@ class SkeletonPose:
 
 
 class Skeletons:
-    """Reads skeletons at a time.
+    """Reads skeletons at a given time.
 
-    `notes` collects lines for the user about missing or ignored parts of a file, and the effect by USD's rules.
+    `notes` collects lines for the user about missing or ignored parts of a file, and about their effect by USD's rules.
     """
 
     def __init__(self, time: Usd.TimeCode) -> None:
@@ -54,14 +54,14 @@ class Skeletons:
         return self._poses[path]
 
     def animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
-        """Return the SkelAnimation that a skeleton or its nearest ancestor with such a binding binds, or None."""
+        """Return the SkelAnimation that is bound to a skeleton, or else to its nearest bound ancestor, or None."""
         path = skeleton.GetPath()
         if path not in self._animations:
             self._animations[path] = self._find_animation(skeleton)
         return self._animations[path]
 
     def weights(self, skeleton: Usd.Prim) -> dict[str, float]:
-        """Return the weights that a skeleton's animation gives to blend shapes, by their names.
+        """Return the weights that a skeleton's animation gives to blend shapes, by the names of the blend shapes.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class Skeletons:
         return SkeletonPose(names, transforms)
 
     def _animated_joints(self, skeleton: Usd.Prim, names: set[str]) -> set[str]:
-        """Return those of the joints `names` that the animation moves; append a note for an animation USD ignores."""
+        """Return the joints in `names` that the animation moves; append a note if USD ignores the animation."""
         animation = self.animation(skeleton)
         if animation is None:
             return set()
@@ -141,7 +141,7 @@ class Skeletons:
 
 
 def _joint_matrices(prim: Usd.Prim, name: str, count: int) -> Floats | None:
-    """Return the matrices (count, 4, 4) of an attribute with one for each joint; None if the attribute has no value."""
+    """Return an attribute's matrices (count, 4, 4), one for each joint, or None if the attribute has no value."""
     matrices = read_array(prim, name, Usd.TimeCode.Default(), np.float64, (4, 4))
     if len(matrices) == 0:
         return None

@@ -1,4 +1,4 @@
-"""Deforms gprims as UsdSkel defines: by blend shapes, and by a skeleton's pose at a time.
+"""Deforms gprims as UsdSkel defines: by blend shapes, and by a skeleton's pose at a given time.
 
 USD's own functions compute the joints, and skin points and normals by linear or dual quaternion blending.
 
@@ -38,7 +38,7 @@ class _Influences:
 
     - transforms (j, 4, 4): the transform of each joint from the bind pose to the pose, in the space of the skeleton
     - indices, weights (n, k): the k joints that move each point, as indices of transforms, and their weights; (1, k) if
-      all points have the same
+      they are the same for all points
     - bind (4, 4): maps the gprim's space to the space of the skeleton in its bind pose
     - method: one of `_METHODS`
     """
@@ -78,7 +78,7 @@ class DeformedGprim:
     _binding: _Binding
 
     def normals(self, normals: Attribute, face_points: Indices) -> Attribute | None:
-        """Return authored normals, deformed with the points; None if there is not one for each point or corner.
+        """Return authored normals, deformed with the points; None unless they are given by point or by corner.
 
         `face_points` (m,) are the points at a mesh's corners. As in USD, blend shapes do not change normals of the
         interpolation `faceVarying`.
@@ -104,7 +104,7 @@ class DeformedGprim:
 
 
 class Skinning:
-    """Deforms the gprims of a stage at a time."""
+    """Deforms the gprims of a stage at a given time."""
 
     def __init__(self, time: Usd.TimeCode) -> None:
         self._time = time
@@ -115,7 +115,7 @@ class Skinning:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Lines for the user about bindings without effect, of the prims read so far, with USD's rule that applies."""
+        """Lines for the user about bindings without effect, with USD's rule, for the prims that have been read."""
         return (*self._notes, *self._skeletons.notes)
 
     def placing_prim(self, prim: Usd.Prim) -> Usd.Prim:

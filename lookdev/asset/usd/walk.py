@@ -1,6 +1,6 @@
 """Finds the visible gprims of a stage and their placements.
 
-It follows visibility, purpose, scene-graph instances and point instancers. A prim in a prototype of several point
+The walk follows visibility, purpose, scene-graph instances and point instancers. A prim in a prototype of several point
 instancers is visited once for each instancer, with a transform for each instance.
 """
 
@@ -40,8 +40,8 @@ class PlacedGprim:
     """A visible gprim and its placements in the stage, as matrices for row vectors.
 
     `transforms` (k, 4, 4) map the gprim's space to the stage. `prototype` is the prototype of a point instancer that
-    contains the gprim, and `prototype_placements` (j, 4, 4) map its space to the stage. For a gprim that is not in a
-    prototype, `prototype` is None, and `prototype_placements` is one identity matrix.
+    contains the gprim, and `prototype_placements` (j, 4, 4) map the prototype's space to the stage. For a gprim that is
+    not in a prototype, `prototype` is None, and `prototype_placements` is one identity matrix.
     """
 
     prim: Usd.Prim
@@ -51,7 +51,7 @@ class PlacedGprim:
 
 
 def is_affine(matrices: Floats) -> Bools:
-    """Return which matrices (..., 4, 4) for row vectors are bounded and affine, which means a last column 0 0 0 1."""
+    """Return which matrices (..., 4, 4) for row vectors are bounded and affine: with the last column 0 0 0 1."""
     is_bounded = (np.abs(matrices) <= MAX_COORDINATE).all(axis=(-2, -1))
     return np.asarray(is_bounded & (np.abs(matrices[..., 3] - (0.0, 0.0, 0.0, 1.0)) < 1e-9).all(axis=-1))
 
@@ -87,12 +87,12 @@ def prototype_path(prim: Usd.Prim | None) -> str:
 
 
 class Walk:
-    """Visits the visible gprims of a stage at a time.
+    """Visits the visible gprims of a stage at a given time.
 
-    Hidden ancestors of the prim at which a walk starts do not hide it. A walk collects content for notes.
-    `unknown_prims` are prims of types that USD does not know, such as those of another program's plug-in.
-    `missing_operations` maps each name in an xformOpOrder that is not a transform operation of its prim to the prims
-    with that name.
+    Hidden ancestors of the prim at which a walk starts do not hide this prim. A walk collects content for notes.
+    `unknown_prims` are prims of types that USD does not know, such as the types of another program's plug-in.
+    `missing_operations` has the names in an xformOpOrder that are not transform operations of the prim. It maps each
+    name to the prims whose xformOpOrder has the name.
     """
 
     def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, purposes: tuple[str, ...]) -> None:
@@ -140,7 +140,7 @@ class Walk:
     ) -> Iterator[PlacedGprim]:
         """Yield the visible gprims at and below `root`.
 
-        `prototype` and `prototype_placements` are those of `PlacedGprim`. `outer_instancers` are the instancers whose
+        `prototype` and `prototype_placements` are as in `PlacedGprim`. `outer_instancers` are the instancers whose
         prototypes contain the root.
         """
         prims = iter(Usd.PrimRange(root, predicate))
@@ -187,7 +187,7 @@ class Walk:
                 self.missing_operations.setdefault(quote(name), []).append(prim)
 
     def _matrix(self, prim: Usd.Prim, prototype: Usd.Prim | None) -> Floats:
-        """Return the matrix (4, 4), for row vectors, from a prim's space to the prototype's, or the stage's for None.
+        """Return the matrix (4, 4), for row vectors, from a prim's space to its prototype, or to the stage for None.
 
         Raises AssetError if USD cannot compute it.
         """
@@ -205,7 +205,7 @@ class Walk:
         """Yield the visible gprims of a point instancer's prototypes, with a placement for every visible instance.
 
         `transforms` (j, 4, 4) are the placements of the instancer itself. `outer_instancers` are the instancers whose
-        prototypes contain it.
+        prototypes contain this instancer.
         """
         path = instancer.GetPath()
         if len(outer_instancers) >= _MAX_DEPTH:
@@ -247,7 +247,7 @@ class Walk:
             yield from self._walk(prototype, _PROTOTYPE_PRIMS, prototype, placements, (*outer_instancers, path))
 
     def _place_copies(self, copies: Floats, transforms: Floats, path: Sdf.Path, noun: str) -> Floats:
-        """Return the placements (j * k, 4, 4) of copies (k, 4, 4) in each of j spaces, placed by transforms (j, 4, 4).
+        """Return the placements (j * k, 4, 4) of k `copies` (k, 4, 4) in j spaces, which `transforms` (j, 4, 4) place.
 
         Raises AssetError if the walk has more than `_MAX_INSTANCES` placements; `noun` names the copies.
         """
