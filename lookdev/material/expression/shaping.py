@@ -4,7 +4,8 @@
 functions that `lookdev.brdf` uses too: these also accept the symbolic arrays of code generation.
 
 For finite arguments within `MAX_MAGNITUDE`, every result is finite. Where SeExpr leaves a value undefined, the
-docstring states it. A function of a colour takes a tuple of three arrays; others work on one channel at a time.
+docstring states the value here. A function of a colour takes a tuple of three arrays; others work on one channel at a
+time.
 
 - SeExpr 2, Disney Enterprises: user documentation, and the formulas of its built-in functions.
 - Perlin, K. 2002. Improving Noise. SIGGRAPH.
@@ -81,8 +82,8 @@ def modulo(x: Array, y: Real) -> Array:
 
 def power(x: Array, y: Array) -> Array:
     """Return x to the power y; 0 where no real value exists (x < 0 and y not whole, or x = 0 and y < 0)."""
-    # `size` is the magnitude of the power. `sign` is that of the power of a negative x: -1 for odd y, 1 for even y, and
-    # 0 where y is not whole.
+    # `size` is the magnitude of the power. `sign` is the sign of the power of a negative x: -1 for odd y, 1 for even y,
+    # and 0 where y is not whole.
     zero = np.equal(x, 0.0)
     size = np.where(zero, np.where(np.equal(y, 0.0), 1.0, 0.0), np.power(np.where(zero, 1.0, np.absolute(x)), y))
     whole = np.floor(y)
@@ -120,7 +121,7 @@ def round_half_away(x: Array) -> Array:
 
 def mix(a: Array, b: Array, alpha: Array) -> Array:
     """Blend linearly from a (alpha 0) to b (alpha 1)."""
-    # In this form, generated code omits one of the two for a constant alpha of 0 or 1.
+    # In this form, generated code omits one of the two terms for a constant alpha of 0 or 1.
     return a * (1.0 - alpha) + b * alpha
 
 
@@ -143,7 +144,7 @@ def _smooth(t: Array) -> Array:
 
 def _gaussian(t: Array) -> Array:
     """Return half a Gaussian bell that rises to 1 at t = 1; 0 at t = 0."""
-    # As in SeExpr, the bell begins with 2^-8.
+    # As in SeExpr, the bell begins at 2^-8, just above t = 0.
     return np.where(t > 0.0, np.exp((-8.0 / log2(e)) * (1.0 - t) * (1.0 - t)), 0.0)
 
 
@@ -254,8 +255,8 @@ def _lattice(x: Real) -> tuple[Array, Array, Array]:
 def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
     """Return Perlin's gradient noise in [0, 1], with mean 0.5 and period 289. At lattice points it is 0.5.
 
-    The hashes are whole numbers below 2^24, and therefore equal in float32 and float64. For an omitted coordinate,
-    which is constant and on the lattice, generated code omits the terms of the next lattice point.
+    The hashes are whole numbers below 2^24, and therefore equal in float32 and float64. An omitted coordinate is the
+    constant 0, on the lattice. For it, generated code omits the terms of the next lattice point.
     """
     # Along the three axes: `i`, `j`, `k` are indices of the lattice point, `u`, `v`, `w` weights of the next point.
     (i, x, u), (j, y, v), (k, z, w) = (_lattice(value) for value in (np.asarray(0.0) + x, y, z))
@@ -273,7 +274,7 @@ def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
 
 
 def cellnoise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
-    """Return a random value that is constant in each cell of the lattice: one of 289 from 0 to 1, with period 289."""
+    """Return a random value, constant in each cell of the lattice: one of 289 values from 0 to 1, with period 289."""
     i, j, k = (_wrap_index(np.floor(value)) for value in (x, y, z))
     return _hash(i, j, k) * (1.0 / (_PERIOD - 1.0))
 
