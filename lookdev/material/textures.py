@@ -128,7 +128,7 @@ def check_images(texture: Texture) -> None:
 
 
 def is_uncentred_normal_map(texture: Texture) -> bool:
-    """Return whether a normal map lacks negative x and y: its texels are from 0 to 1, and scale and bias do not centre them.
+    """Return whether a normal map lacks negative x and y: texels are 0 to 1, and scale and bias do not centre them.
 
     A map has negative components if scale and bias take the middle value 0.5 to 0 in x and y. This also holds for a map
     with a flipped or weakened axis. The tolerance covers the middle 128 / 255 of 8 bits. Raises as `check_images`.

@@ -23,7 +23,7 @@ def clear_input(attribute: Usd.Attribute) -> None:
 
 
 def free_path(stage: Usd.Stage, scope: Sdf.Path, name: str) -> Sdf.Path:
-    """Return the path of a new child of `scope`: `name`, with a number where it is in use, also inside a variant."""
+    """Return the path of a new child of `scope`: `name`, with a number if the name is in use, also in a variant."""
     used_paths = {path.StripAllVariantSelections() for path in layer_paths(stage.GetRootLayer())}
     path, number = scope.AppendChild(name), 2
     while path in used_paths or stage.GetPrimAtPath(path):
@@ -80,7 +80,7 @@ def remove_unused(
 ) -> None:
     """Remove those of the candidate prims that the edited file defines and to which nothing else is connected.
 
-    The prims of `targets`, paths of outputs, count as used. A prim that only another removed one uses is removed too.
+    The prims of `targets`, paths of outputs, count as used. A prim that only removed prims use is removed, too.
     """
     stage = material.GetPrim().GetStage()
     root = stage.GetRootLayer()
