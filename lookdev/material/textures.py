@@ -29,7 +29,7 @@ from lookdev.material import WRAPS, Bump, Texture, Wrap
 from lookdev.stage.colorspaces import to_linear_rec709
 
 UDIM = "<UDIM>"
-"""The part of a file name in whose place each tile of a set has its number."""
+"""The part of a file name that stands for the number of a tile, in the name of a set of tiles."""
 
 # Cached files have these numbers in their names. Raise one when the conversion, or the computation of slopes, changes.
 _CONVERTER_VERSION, _SLOPE_VERSION = 2, 1
@@ -186,7 +186,7 @@ def slope_texture(height: Texture) -> Path:
 
     def slope_strips(texels: Floats32) -> Iterator[Floats]:
         rows, columns = texels.shape
-        # Rows -1 to `rows`: every row has one above and one below. Row 0 is the top of the image.
+        # The rows from -1 to `rows`, wrapped, so that every row has a neighbour above and below. Row 0 is the top.
         neighbour_rows = np.arange(-1, rows + 1)
         neighbour_rows = neighbour_rows % rows if height.wrap_t == "repeat" else np.clip(neighbour_rows, 0, rows - 1)
         for first in range(0, rows, _STRIP_ROWS):

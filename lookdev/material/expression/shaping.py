@@ -258,7 +258,8 @@ def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
     The hashes are whole numbers below 2^24, and therefore equal in float32 and float64. An omitted coordinate is the
     constant 0, on the lattice. For it, generated code omits the terms of the next lattice point.
     """
-    # Along the three axes: `i`, `j`, `k` are indices of the lattice point, `u`, `v`, `w` weights of the next point.
+    # Along the three axes: `i`, `j`, `k` are indices of the lattice point, `u`, `v`, `w` weights of the next point. In
+    # the functions below, `a`, `b`, `c` are 0 for this point and 1 for the next one.
     (i, x, u), (j, y, v), (k, z, w) = (_lattice(value) for value in (np.asarray(0.0) + x, y, z))
 
     def corner(a: int, b: int, c: int) -> Array:

@@ -1,6 +1,6 @@
 """The parser of the expression language: a tokenizer, and an operator-precedence parser that builds a syntax tree.
 
-The language is that of SeExpr's expressions (Disney), without variables: see ``docs/expressions.md``.
+The language has the syntax of SeExpr's expressions (Disney), without variables: see ``docs/expressions.md``.
 
 - Pratt, V. 1973. Top Down Operator Precedence. POPL.
 """
@@ -107,7 +107,7 @@ ExpressionNode: TypeAlias = NumberNode | NameNode | ApplyNode | ColorNode | Chan
 
 
 class _Token(NamedTuple):
-    """A token of the text: `kind` is a group of `_TOKEN`, or ``"end"`` after the last one."""
+    """A token of the text. `kind` is the name of a group of `_TOKEN`, or ``"end"`` after the last token."""
 
     kind: str
     text: str

@@ -74,7 +74,7 @@ def library_folders(library: Path | None = None) -> tuple[Path, ...]:
 
 
 def read_library(folders: Iterable[Path], category: str | None = None) -> Library:
-    """Read all presets of some folders, or those of one category; LookError where there are none."""
+    """Read the presets of some folders, of all categories or of one; raises LookError where there are none."""
     folders = tuple(folders)
     presets: list[Preset] = []
     faults: list[Fault] = []

@@ -109,7 +109,7 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
         attribute = shader.CreateInput(name, INPUT_TYPES[kind]).GetAttr()
     if not inside:
         return attribute
-    # This network only follows connections. Its file has no name, which would only appear in faults.
+    # This network only follows connections. Its file needs no name: this would only appear in faults.
     source = Network(Path()).follow(attribute)
     node_inputs = source.shader.GetInputs() if isinstance(source, OutputSource) else []
     names = [node_input.GetBaseName() for node_input in node_inputs]

@@ -202,11 +202,11 @@ def replace_source(
     Nodes that only the old source used are removed. If `source` is an expression and states nothing for one of its
     inputs, this input keeps its source from the old expression.
     """
-    # This network only follows connections. Its file has no name, which would only appear in faults.
+    # This network only follows connections. Its file needs no name: this would only appear in faults.
     old_states = _input_states(Network(Path()).follow(attribute)) if source is not None else {}
     used = find_upstream(material, [attribute])
     clear_input(attribute)
-    # The new expression may use the sources of the old expression's inputs. They are kept until it is written.
+    # The new expression may use the sources of the old expression's inputs. These are kept until it is written.
     remove_unused(material, used, [path for state in old_states.values() for path in state.connections])
     if source is not None:
         MaskWriter(attribute.GetStage(), scope, old_states, kind).write(attribute, name, source)

@@ -181,8 +181,8 @@ def _replace_interface(
 ) -> None:
     """Replace connections of a fragment to interface inputs of the material by the values of these inputs.
 
-    `origins` maps the paths of nodes in the fragment to those in the material. Raises LookError where a node computes
-    such an input.
+    `origins` maps the path of a node in the fragment to its path in the material. Raises LookError where a node
+    computes such an input.
     """
     stage = material.GetPrim().GetStage()
 

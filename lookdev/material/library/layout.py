@@ -210,7 +210,7 @@ def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -
 
 
 def _moved_keys(before: Sequence[str], after: Sequence[str]) -> set[str]:
-    """Return the keys that an edit has moved: those in both sequences whose order among the common keys differs."""
+    """Return the keys that an edit has moved: keys in both sequences, in another order among the common keys."""
     common = {*before} & {*after}
     old, new = ([key for key in keys if key in common] for keys in (before, after))
     same = difflib.SequenceMatcher(None, old, new, autojunk=False).get_matching_blocks()

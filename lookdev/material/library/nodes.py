@@ -78,7 +78,7 @@ def find_upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribut
 def remove_unused(
     material: UsdShade.Material, candidates: Iterable[Sdf.Path], targets: Sequence[Sdf.Path] = ()
 ) -> None:
-    """Remove those of the candidate prims that the edited file defines and to which nothing else is connected.
+    """Remove the candidate prims that the edited file defines and to which nothing else is connected.
 
     The prims of `targets`, paths of outputs, count as used. A prim that only removed prims use is removed, too.
     """
@@ -100,7 +100,7 @@ def remove_unused(
 
 
 def _all_connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
-    """Yield all connections as pairs of paths (input, source), including those in variants that are not selected."""
+    """Yield all connections as pairs of paths (input, source), also connections in variants that are not selected."""
     for prim in stage.TraverseAll():
         for attribute in prim.GetAttributes():
             for target in attribute.GetConnections():

@@ -203,7 +203,7 @@ class _Writer:
     def _define_node(self, name: str, shader_id: str, **inputs: object) -> UsdShade.Shader:
         """Define a shader with `inputs`, each a constant or an output to connect, and return it.
 
-        The types of inputs are those of the node in USD's registry of shaders.
+        USD's registry of shaders states the types of the inputs.
         """
         path = self._material.GetPath().AppendChild(_unique_name(name, self._names))
         shader = UsdShade.Shader.Define(self._material.GetPrim().GetStage(), path)

@@ -34,7 +34,7 @@ f0 and f90 are the reflectances at normal and at grazing incidence of Schlick's 
 WHITE: Array = np.ones(3)
 """The colour white."""
 
-# The cosine at which Schlick's weight is its cosine-weighted mean over the hemisphere, 1/21.
+# The cosine at which Schlick's weight equals its own cosine-weighted mean over the hemisphere, 1/21.
 _MEAN_COSINE: Array = np.asarray(1.0 - 21.0 ** (-0.2))
 # Below this alpha, less than 0.004 of the light is scattered several times.
 _MIN_SCATTERING_ALPHA = 0.03
@@ -135,7 +135,7 @@ class Interface:
     def mean_withheld(self) -> Real:
         """Return, approximately, the share of light (...) that the coat withholds from the base, averaged over views.
 
-        It is the share that the lobe of `coat` reflects, without `scattered_light`.
+        The share is the light that the lobe of `coat` reflects. It does not include `scattered_light`.
         """
         # `grazing` is the mean albedo with Schlick's weight, (1 - cosine)^5, as the Fresnel term.
         grazing = ggx_reflectance(_MEAN_COSINE, np.maximum(self.roughness * self.roughness, 0.001), np.zeros(()))

@@ -98,8 +98,8 @@ def _tint(p: Parameters) -> Array:
 def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
     """Return the parameters `roughness` and `anisotropic` with which Disney's lobe has the alphas of OpenPBR's lobe.
 
-    For an anisotropy a, OpenPBR's alphas are ``alpha_x = roughness^2 sqrt(2 / (1 + (1 - a)^2))`` and ``alpha_y = (1 -
-    a) alpha_x``.
+    For an anisotropy a, OpenPBR's alphas are:
+    ``alpha_x = roughness^2 sqrt(2 / (1 + (1 - a)^2))`` and ``alpha_y = (1 - a) alpha_x``.
     """
     aspect = 1.0 - anisotropy
     squared_scale = 2.0 / (1.0 + aspect * aspect)

@@ -65,7 +65,7 @@ def read_look(
     variants
         The variants to select, by set. Other sets keep the file's selections.
     name
-        The name of the look, by default that of the material.
+        The name of the look, by default the name of the material.
     open_images
         Whether to read the header of every image now. Otherwise, an unreadable image is an error only when it is
         needed.
@@ -173,7 +173,7 @@ def check_composition(network: Network, stage: Usd.Stage, path: Sdf.Path | None)
 
 
 def find_material(network: Network, stage: Usd.Stage, prim: str | None, variants: Mapping[str, str]) -> Sdf.Path | None:
-    """Select the variants, and return the path of the material that `prim` or the file's default names.
+    """Select the variants, and return the path of the material `prim`, by default the file's default or only material.
 
     Returns None, with a fault added, where there is no such material.
     """
@@ -376,7 +376,7 @@ def _read_layer(
 
 
 def _read_displacement(network: Network, material: UsdShade.Material) -> Displacement | None:
-    """Return the displacement of a material; None where it has none or, with a fault added, a wrong one."""
+    """Return the displacement of a material; None where there is none or, with a fault added, where it is wrong."""
     terminal = material.GetPrim().GetAttribute(_DISPLACEMENT)
     if not terminal:
         return None

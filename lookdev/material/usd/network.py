@@ -27,8 +27,8 @@ TERMINAL = "outputs:lookdev:surface"
 LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
 """Matches the inputs of a LookdevLayers shader except ``base``. Group 1 is the layer's number, group 2 its part."""
 
-_MAX_FAULTS = 1000  # that are listed one by one
-_MAX_UNKNOWN_INPUTS = 100  # of one shader, that are reported one by one
+_MAX_FAULTS = 1000  # the most faults that are listed one by one
+_MAX_UNKNOWN_INPUTS = 100  # the most unknown inputs of one shader that are reported one by one
 _VECTORS = (Gf.Vec2f, Gf.Vec3f, Gf.Vec4f)
 
 

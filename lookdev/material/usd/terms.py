@@ -105,7 +105,7 @@ def constant(*numbers: float) -> NodeValue:
 def convert_channels(term: NodeValue, width: int) -> NodeValue:
     """Return a term converted to `width` channels, 1 to 4.
 
-    A single channel is repeated, extra channels are dropped, and missing ones are 0, but alpha 1.
+    A single channel is repeated. Extra channels are dropped. Missing channels are 0, except that alpha is 1.
     """
     channels = 4 if term.alpha else term.width
     if width == channels:
@@ -124,7 +124,7 @@ def convert_channels(term: NodeValue, width: int) -> NodeValue:
 
 
 class Terms:
-    """Makes the terms of one material, and gives each leaf one name in all its expressions."""
+    """Makes the terms of one material, and gives each leaf the same name in all expressions."""
 
     def __init__(self) -> None:
         self._names: dict[Leaf, str] = {}
@@ -216,7 +216,7 @@ class Terms:
         return NodeValue(f"{_parenthesize(term.text)}[{index}]", 1, term.inputs)
 
     def join_channels(self, *channels: NodeValue) -> NodeValue:
-        """Join two to four terms of one channel each to one term of as many channels."""
+        """Join two to four terms of one channel each into one term with all these channels."""
         if len(channels) == 4:
             return replace(self.join_channels(*channels[:3]), alpha=channels[3])
         if all(channel.numbers is not None for channel in channels):
@@ -257,7 +257,7 @@ def _leaf_kind(leaf: InputSource) -> ExpressionKind:
 
 
 def _to_color(numbers: Sequence[float]) -> Color:
-    """Return one to three numbers as a colour; missing ones are 0."""
+    """Return one to three numbers as a colour; missing channels are 0."""
     a, b, c = (*numbers, 0.0, 0.0)[:3]
     return a, b, c
 

@@ -233,7 +233,7 @@ def _disabled_switches(stack: Stack) -> list[Usd.Attribute]:
 
 
 def _ineffective_layers(stack: Stack, layers: Sequence[Layer]) -> Iterator[_Unused]:
-    """Yield the layers of a stack that are never visible, and those without a mask that hide all layers beneath.
+    """Yield the layers of a stack that are never visible, and the layers without a mask that hide all layers beneath.
 
     `layers` are the enabled layers, base first.
     """
