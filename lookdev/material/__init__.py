@@ -1,7 +1,7 @@
 """The data classes of a look: a stack of layers, each a reflectance model with values of its inputs and a mask.
 
-`lookdev.material.usd` reads a look from a file, `lookdev.material.textures` converts its images to linear ones, and
-`lookdev.codegen` turns it into shader code. This module imports neither USD nor a renderer.
+`lookdev.material.usd` reads a look from a file, `lookdev.material.textures` converts the look's images to linear ones,
+and `lookdev.codegen` turns the look into shader code. This module imports neither USD nor a renderer.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ InputSource: TypeAlias = "float | Color | Texture | Primvar | Coordinates | View
 """The source of a value that an expression reads: a constant, or something that varies over the surface or the view."""
 
 Varying = Texture | Primvar | Bump | Formula
-"""The sources of an input of a layer that vary over the surface."""
+"""A source of a layer's input, if it varies over the surface."""
 
 Input = float | Color | str | Varying
 """The value of an input of a layer: a constant, a token (``variant = "2012"``), or a source that varies.

@@ -1,6 +1,7 @@
 """Copies of a look with other values of single inputs.
 
-A wedge (a series of looks that differ in one input) and a fit (a search for the best values of several) use them.
+A wedge (a series of looks that differ in one input) and a fit (a search for the best values of several inputs) use such
+copies.
 
 An input is named by its layer and parameter, as ``base.roughness`` or ``dust.mask``. An input of an expression has a
 third part, its name in the expression, as ``dust.mask.amount``. The *path* of an input is this name without the layer:
@@ -106,7 +107,7 @@ def constant_named(look: Look, parameter: str) -> Constant:
 
 
 def look_with_live_inputs(look: Look, constants: Mapping[str, Constant]) -> Look:
-    """Return a look with live inputs in place of `constants`. Their keys are freely chosen and name the live inputs.
+    """Return a look with live inputs in place of `constants`. The caller chooses its keys, which name the live inputs.
 
     A live input is a primvar that no mesh has, with the reserved name ``live_primvar(key)``. Its fallback is the value
     of the constant. The compiled program of the look therefore has a variable for the live input, and can compute
@@ -219,7 +220,7 @@ def _check_constant(
     """
     grey = parameter.kind == "color" and isinstance(value, float | int)
     prefix, _, name = full_name.rpartition(".")
-    # `complete` gets this parameter alone. The record must therefore not set others (expand) or follow another.
+    # `complete` gets this parameter alone. The record must therefore not set other parameters (expand) or follow one.
     record = replace(parameter, name=name, expand=None, follows="")
     checked: str | Floats = complete(prefix, {name: record}, {name: (value,) * 3 if grey else value})[name]
     return checked if isinstance(checked, str) else checked.tolist() if checked.ndim == 0 else tuple(checked.tolist())

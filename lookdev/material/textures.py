@@ -29,7 +29,7 @@ from lookdev.material import WRAPS, Bump, Texture, Wrap
 from lookdev.stage.colorspaces import to_linear_rec709
 
 UDIM = "<UDIM>"
-"""The part of a file name that stands for the number of a tile, in the name of a set of tiles."""
+"""The part of the name of a set of tiles that stands for the number of a tile."""
 
 # Cached files have these numbers in their names. Raise one when the conversion, or the computation of slopes, changes.
 _CONVERTER_VERSION, _SLOPE_VERSION = 2, 1
@@ -331,7 +331,7 @@ def _bilinear_taps(coordinate: Floats, size: int, wrap: str) -> list[tuple[Indic
         if wrap == "repeat":
             texel = np.mod(index, size)
         elif wrap == "mirror":
-            # A period is the image and its mirrored copy, over which the indices of texels count down.
+            # A period is the image and its mirrored copy. Over the copy, the indices of texels count down.
             texel = np.mod(index, 2 * size)
             texel = np.minimum(texel, 2 * size - 1 - texel)
         else:

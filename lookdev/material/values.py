@@ -190,7 +190,7 @@ def view_dependent_value(text: str, parameter: Parameter, view: Array) -> Array:
     ------
     ExpressionError
         The text is not an expression, does not use the view, uses another name, or has a result of another type than
-        the parameter. A float is right for a colour.
+        the parameter. A float result is also right for a colour parameter.
     """
     expression = parse(text)
     kinds: dict[str, ExpressionKind] = {VIEW: "float"}

@@ -76,7 +76,7 @@ def parse(text: str) -> Expression:
 
 
 class _Checker:
-    """Determines the types of the nodes of an expression's tree, and raises ExpressionError where they do not fit."""
+    """Determines the types of the nodes of an expression's tree, and raises ExpressionError where types do not fit."""
 
     def __init__(self, text: str, types: Mapping[str, ExpressionKind]) -> None:
         self.text, self.types = text, types

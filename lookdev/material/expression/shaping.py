@@ -37,7 +37,7 @@ class LanguageFunction:
     parameters
         The names of the parameters.
     optional
-        The number of parameters, the last ones, that may be omitted.
+        The number of parameters that may be omitted; these are the last ones.
     domain
         The type of the arguments. ``"each"``: floats and colours, where `evaluate` gets one channel at a time.
         ``"float"``: floats only. ``"color"``: a colour, as a tuple of three arrays, then floats. ``"truth"``: truth
@@ -210,8 +210,8 @@ def saturate(color: tuple[Array, ...], amount: Array) -> tuple[Array, ...]:
 
 def _wrap_index(i: Array, period: float = _PERIOD) -> Array:
     """Return whole numbers modulo a period, exact in float32 for i below 3e6."""
-    # (i + 0.5) / period is at least 0.5 / period away from any integer, so a smaller error does not change its floor.
-    # For i below 3e6, its float32 error is at most 1 / 900, and 0.5 / 289 is 1 / 578.
+    # (i + 0.5) / period is at least 0.5 / period away from any integer, so a smaller error does not change the floor.
+    # For i below 3e6, the error of the quotient in float32 is at most 1 / 900, and 0.5 / 289 is 1 / 578.
     return i - period * np.floor((i + 0.5) * (1.0 / period))
 
 
@@ -243,9 +243,9 @@ def _gradient_product(number: Array, x: Array, y: Array, z: Array) -> Array:
 
 
 def _lattice(x: Real) -> tuple[Array, Array, Array]:
-    """Return, for one axis, the index of the lattice point below x, the distance from it, and the next point's weight.
+    """Return, for one axis, the index of the lattice point below x, x minus this point, and the next point's weight.
 
-    The index is modulo the period. The weight is Perlin's polynomial of degree five in the distance.
+    The index is modulo the period. The weight is Perlin's polynomial of degree five in x minus the point.
     """
     floor = np.floor(x)
     t = x - floor
@@ -256,7 +256,7 @@ def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
     """Return Perlin's gradient noise in [0, 1], with mean 0.5 and period 289. At lattice points it is 0.5.
 
     The hashes are whole numbers below 2^24, and therefore equal in float32 and float64. An omitted coordinate is the
-    constant 0, on the lattice. For it, generated code omits the terms of the next lattice point.
+    constant 0, on the lattice. For this coordinate, generated code omits the terms of the next lattice point.
     """
     # Along the three axes: `i`, `j`, `k` are indices of the lattice point, `u`, `v`, `w` weights of the next point. In
     # the functions below, `a`, `b`, `c` are 0 for this point and 1 for the next one.

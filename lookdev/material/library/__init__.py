@@ -155,7 +155,7 @@ def library_text(library: Library) -> str:
 
 
 def _preset_files(folders: Iterable[Path]) -> dict[str, Path]:
-    """Return the files in library folders by casefolded name; the first folder with a name counts."""
+    """Return the files in library folders by casefolded name. For equal names, the first folder counts."""
     files: dict[str, Path] = {}
     for folder in folders:
         for file in sorted(folder.iterdir()):

@@ -127,7 +127,7 @@ def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
 def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> list[Sdf.Path]:
     """Return the connections to copy for an input of the preview; [] where the input gets a constant.
 
-    If a layer has more than half of the weight, they are the connections of its parameter of the same meaning.
+    If a layer has more than half of the weight, they are the connections of the layer's parameter of the same meaning.
     """
     # `covers` has the share of the layers beneath that each layer covers. `weights` has the share of each layer in the
     # result: its cover times 1 minus the cover of each layer above.

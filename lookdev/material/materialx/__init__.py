@@ -1,6 +1,6 @@
 """Imports MaterialX documents as looks in USD: each surface of the model `disney_principled` becomes a Disney layer.
 
-The command ``lookdev materials import`` uses it. Inputs are carried over by name, and all losses are listed.
+The command ``lookdev materials import`` uses this package. Inputs are carried over by name, and all losses are listed.
 
 The node `disney_principled` has the parameters of Burley's BRDF. Its node graph in the MaterialX library approximates
 this BRDF by stock lobes; here the parameters have the meaning of Burley's paper. docs/materialx.md lists the

@@ -162,7 +162,8 @@ def _read_rgb(network: DocumentNetwork, source: PortSource) -> ImageChannel | No
 def _read_channel(network: DocumentNetwork, port: mx.Input) -> ImageChannel | None:
     """Return the value of a float input from an image of floats, or from one channel of another image.
 
-    The channel is selected by the connection's attribute ``channels``, or by a node between. None for other sources.
+    The channel is selected by the connection's attribute ``channels``, or by a node before the image. The result is
+    None for other sources.
     """
     source = network.source_of(port)
     node, names, splitter = source.element, source.channels, None
@@ -321,7 +322,7 @@ def _read_floats(network: DocumentNetwork, holder: mx.PortElement, count: int) -
 
 
 def _read_wrap(network: DocumentNetwork, node: mx.Node, name: str) -> Wrap:
-    """Return the wrap mode of an input of an image node; an unknown one is a fault."""
+    """Return the wrap mode of an input of an image node; an unknown mode is a fault."""
     mode = _read_text(network, node, name, "periodic")
     if mode not in _WRAPS:
         where = f"{node.getNamePath()}/{name}"

@@ -182,7 +182,7 @@ def mix_with_metal(
     """Mix a dielectric over a diffuse colour, (..., 3), with a metal.
 
     Returns the diffuse light, (..., 3), that emerges through the interface (see `Interface.emerging_light`), and the
-    mixed interface. `metalness`, (...), is the share of the metal; `weight`, (...), multiplies its reflection.
+    mixed interface. `metalness`, (...), is the share of the metal; `weight`, (...), multiplies the metal's reflection.
     """
     emerging_light = dielectric.emerging_light(color)
     if not are_equal(metalness, 0.0):

@@ -83,7 +83,8 @@ def _coated_roughness(p: Parameters) -> Real:
 def _tint(p: Parameters) -> Array:
     """Return the factor (..., 3) of the coat on the base's colour: the coat's colour, times a darkening.
 
-    The base appears darker under a coat, because it absorbs a part of the light that the coat's surface reflects back.
+    The base appears darker under a coat, because the base absorbs a part of the light that the coat's surface reflects
+    back.
     """
     # `internal` approximates the reflectance of the coat's surface for diffuse light from below.
     internal = 1.0 - (1.0 - lobes.f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)

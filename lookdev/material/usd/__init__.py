@@ -121,7 +121,7 @@ def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -
 
 
 def _variant_names(file: Path, prim: str | None, selection: Mapping[str, str], set_name: str) -> list[str]:
-    """Return the variants that a set has while `selection` is selected; its sets with ``"*"`` are left alone."""
+    """Return the variants that a set has while `selection` is selected; a ``"*"`` in it selects no variant."""
     network, stage = Network(file), open_stage(file)
     path = find_material(network, stage, prim, {name: choice for name, choice in selection.items() if choice != "*"})
     sets = {} if path is None else variant_sets(stage, path)
@@ -164,7 +164,7 @@ def read_look_at(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name
 
 
 def check_composition(network: Network, stage: Usd.Stage, path: Sdf.Path | None) -> None:
-    """Add USD's composition errors as faults: those at prims above, at and below `path`, or all where it is None."""
+    """Add USD's composition errors as faults: errors at prims above, at and below `path`, or all if `path` is None."""
     for error in stage.GetCompositionErrors():
         site = error.rootSite.path
         # USD states no site for an asset path with a variable expression that it cannot evaluate.
@@ -312,7 +312,7 @@ def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) ->
 
 
 def _check_tokens(network: Network, attribute: Usd.Attribute, layer: Layer, base: Layer) -> None:
-    """Add a fault for each token in which a layer differs from the base, of the same model, but must agree."""
+    """Add a fault for each token in which a layer must agree with the base, of the same model, but differs."""
     for name, parameter in MODELS[layer.model].parameters.items():
         token, base_token = (stack_layer.inputs.get(name, parameter.default) for stack_layer in (layer, base))
         if parameter.kind == "token" and parameter.agreement == "alike" and token != base_token:
@@ -347,7 +347,7 @@ def _read_layer(
     """Read the layer of the shader `source`; None, with a fault added, where it is not the shader of a layer.
 
     `attribute` is the input or output that is connected to `source`. `others` are identifiers of shaders, other than
-    those of layers, to which it may be connected, for the hint of the fault.
+    those of layers, to which `attribute` may be connected, for the hint of the fault.
     """
     model = layer_shaders().get(identifier := shader_id(source.shader))
     if model is None:

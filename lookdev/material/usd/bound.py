@@ -30,7 +30,7 @@ from lookdev.stage import Composed, open_stage, usd_errors_as_faults
 GREY_LAYER = Layer("Grey", "disney", {"baseColor": (0.18, 0.18, 0.18)})
 """The layer of a look that replaces a material which cannot be read."""
 
-# The outputs of a material for each purpose, in the order of preference: for MaterialX, then for all.
+# The outputs of a material for each purpose, in the order of preference: first for MaterialX, then for all.
 _SURFACE_TERMINALS = ("outputs:mtlx:surface", "outputs:surface")
 _DISPLACEMENT_TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")
 _VOLUME_TERMINALS = ("outputs:mtlx:volume", "outputs:volume")

@@ -25,7 +25,7 @@ TERMINAL = "outputs:lookdev:surface"
 """The output of a material that is connected to its stack of layers, or to its only layer."""
 
 LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
-"""Matches the inputs of a LookdevLayers shader except ``base``. Group 1 is the layer's number, group 2 its part."""
+"""Matches the inputs of a LookdevLayers shader except ``base``. Group 1 is the layer's number, group 2 the suffix."""
 
 _MAX_FAULTS = 1000  # the most faults that are listed one by one
 _MAX_UNKNOWN_INPUTS = 100  # the most unknown inputs of one shader that are reported one by one

@@ -134,7 +134,7 @@ class Reader:
         raise NotCarriedError
 
     def colorspace(self, attribute: Usd.Attribute, name: str) -> str:
-        """Return a colour space of USD as a `Texture.colorspace`; for an unknown one, add a fault and substitute it."""
+        """Return USD's colour space `name` as a `Texture.colorspace`; an unknown space is a fault, and another is returned."""
         colorspace = colorspace_named(name)
         if colorspace is None:
             colorspace = "sRGB" if "srgb" in name.lower() else "raw"
@@ -178,7 +178,7 @@ class UsdNode:
         return next(widths, 1)
 
     def attribute(self, name: str) -> Usd.Attribute | None:
-        """Return the attribute of an input; None where it has no connection and no value. It counts as read."""
+        """Return the attribute of an input; None where it has no connection and no value. The input counts as read."""
         self._used.add(name)
         attribute = self.shader.GetPrim().GetAttribute(f"inputs:{name}")
         return attribute if attribute and is_authored(attribute) else None
@@ -193,7 +193,7 @@ class UsdNode:
         return convert_channels(constant(*default), width) if term is None else term
 
     def read_any_term(self, name: str, *default: float) -> NodeValue:
-        """Return the value of an input, or its default, with its own number of channels."""
+        """Return the value of an input, or its default, without a conversion of channels."""
         attribute = self.attribute(name)
         if attribute is None:
             return constant(*default)

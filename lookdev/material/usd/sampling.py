@@ -202,7 +202,7 @@ def _placement_matrix(pivot: Floats, scale: Floats, degrees: float, offset: Floa
 def _transform_coordinates(node: UsdNode, name: str, matrix: Floats) -> NodeValue:
     """Return the texture coordinates of the input `name`, transformed by a matrix (3, 3).
 
-    The result is the UV set with a transform, or an expression where the coordinates are computed.
+    If the coordinates are a UV set, the result is this set with another transform. Otherwise, it is an expression.
     """
     term = node.reader.read_term(node.attribute(name), 2)
     if term is None:

@@ -74,7 +74,7 @@ class NodeValue:
         return "float" if self.width == 1 else "color"
 
     def source(self) -> InputSource | Bump:
-        """Return the value as the source of an input of a layer; raises NotCarriedError where a text is too large."""
+        """Return the value as the source of an input of a layer; raises NotCarriedError where the text is too large."""
         if self.numbers is not None:
             return self.numbers[0] if self.width == 1 else _to_color(self.numbers)
         if self.leaf is not None:
@@ -170,7 +170,7 @@ class Terms:
         return NodeValue(text, max(operand.width for operand in operands.values()), inputs, is_tangent_normal=tangent)
 
     def _fold(self, template: str, operands: Mapping[str, NodeValue], name: str) -> NodeValue | None:
-        """Fold a template into its operand `name`: the template is linear in it, and all other operands are constant.
+        """Fold a template into its operand `name`. The others are constant, and the template is linear in this one.
 
         If the operand is a texture or coordinates, return it with the template's scale and bias. Else return None.
         """

@@ -144,8 +144,8 @@ def _merge_findings(
 
     `looks` has the findings of each combination by its label. An error or warning that only some combinations have is
     yielded with their labels. A note that only some have is omitted: the element has no effect in these combinations,
-    but others may use it. `foreign` has the labels of the combinations in which the material is foreign. A note that
-    only such combinations have is kept: it states a loss.
+    but other combinations may use it. `foreign` has the labels of the combinations in which the material is foreign. A
+    note that only such combinations have is kept: it states a loss.
     """
     labelled: dict[ValidationFinding, list[str]] = {}
     for label, findings in looks.items():
@@ -180,7 +180,7 @@ def _single_variants(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, s
 def _select_variants(stage: Usd.Stage, path: Sdf.Path, name: str, selection: Selection) -> Iterator[Selection]:
     """Yield a selection extended by each variant of the set `name` in turn, while it is selected on the stage.
 
-    Where the file selects no variant of the set, the first choice is "", no variant.
+    Where the file selects no variant of the set, the first choice is "", which selects no variant.
     """
     variant_set, session = variant_sets(stage, path)[name], stage.GetSessionLayer()
     names: list[str] = variant_set.GetVariantNames()
