@@ -152,7 +152,7 @@ def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Pa
 
 @dataclass(frozen=True)
 class InputState:
-    """What a file states for an input of a node: its type, and its connections or else its value."""
+    """What a file states for an input of a node: its type in USD, and its connections or else its value."""
 
     type_name: Sdf.ValueTypeName
     connections: tuple[Sdf.Path, ...]

@@ -136,7 +136,8 @@ class LayerEntry:
 class LookOutline:
     """All layers of a look, enabled or not, and the variant sets of its material.
 
-    `variants` has the pair (names of the variants, selected variant) of each set by name.
+    `entries` begin with the base. `variants` maps the name of a set to the pair (names of its variants, selected
+    variant).
     """
 
     entries: tuple[LayerEntry, ...]

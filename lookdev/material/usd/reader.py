@@ -134,7 +134,7 @@ class Reader:
         raise NotCarriedError
 
     def colorspace(self, attribute: Usd.Attribute, name: str) -> str:
-        """Return USD's colour space `name` as a `Texture.colorspace`; an unknown space is a fault, and another is returned."""
+        """Return USD's colour space `name` as a `Texture.colorspace`. An unknown space is a fault; another is returned."""
         colorspace = colorspace_named(name)
         if colorspace is None:
             colorspace = "sRGB" if "srgb" in name.lower() else "raw"
