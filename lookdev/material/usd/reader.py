@@ -134,7 +134,10 @@ class Reader:
         raise NotCarriedError
 
     def colorspace(self, attribute: Usd.Attribute, name: str) -> str:
-        """Return USD's colour space `name` as a `Texture.colorspace`. An unknown space is a fault; another is returned."""
+        """Return USD's colour space `name` as a `Texture.colorspace`.
+
+        For an unknown space, add a fault, and return sRGB if its name contains "srgb", else raw.
+        """
         colorspace = colorspace_named(name)
         if colorspace is None:
             colorspace = "sRGB" if "srgb" in name.lower() else "raw"
