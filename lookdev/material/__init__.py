@@ -1,7 +1,7 @@
 """The data classes of a look: a stack of layers, each a reflectance model with values of its inputs and a mask.
 
-`lookdev.material.usd` reads a look from a file, `lookdev.material.textures` converts its images to linear ones, and
-`lookdev.codegen` turns it into shader code. This module imports neither USD nor a renderer.
+`lookdev.material.usd` reads a look from a file, `lookdev.material.textures` converts the look's images to linear ones,
+and `lookdev.codegen` turns the look into shader code. This module imports neither USD nor a renderer.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ class Texture:
     """A texture look-up, as UsdUVTexture defines it: ``texel * scale + bias`` in each of the channels r, g, b and a.
 
     The result is the selected `channel`: a float for one of ``"r" "g" "b" "a"``, a colour for ``"rgb"``. `colorspace`
-    is the space of the image's texels. Those of ``"raw"`` are used unchanged. Those of ``"sRGB"`` and of the spaces in
-    `lookdev.stage.colorspaces` are converted to linear Rec.709 before filtering. `st` names the UV set of the mesh;
-    `transform` maps its coordinates to those of the image, whose lower left corner is (0, 0).
+    is the space of the image's texels. Texels of ``"raw"`` are used unchanged. Texels of ``"sRGB"`` and of the spaces
+    in `lookdev.stage.colorspaces` are converted to linear Rec.709 before filtering. `st` names the UV set of the mesh;
+    `transform` maps coordinates of this set to coordinates of the image, whose lower left corner is (0, 0).
 
     The `colorspace` ``"auto"`` and the wrap mode ``"useMetadata"`` stand for what the image file states.
     `lookdev.material.textures.resolve_texture` opens the file and replaces them. A file whose name contains ``<UDIM>``
@@ -94,7 +94,7 @@ class Primvar:
 class Bump:
     """A bump map: the normal of a surface whose heights are one channel of a texture.
 
-    A height of 1 is as high as `scale` units of the texture coordinates are wide.
+    A height of 1 stands `scale` units of the texture coordinates above the surface.
     """
 
     height: Texture
@@ -114,11 +114,11 @@ class Coordinates:
 
 @dataclass(frozen=True)
 class ViewCosine:
-    """The cosine between the shading normal and the direction to the viewer, above 0, as an input of an expression.
+    """The cosine between the shading normal and the direction to the viewer, as an input of an expression.
 
-    The shading normal is the interpolated normal of the displaced mesh, on the viewer's side. Bump maps, normal maps
-    and parameters that are normals do not change it. In the shading frame, in which models are evaluated, the cosine
-    is the z component of the direction to the viewer.
+    The cosine is above 0. The shading normal is the interpolated normal of the displaced mesh, on the viewer's side.
+    Bump maps, normal maps and parameters that are normals do not change it. In the shading frame, in which models are
+    evaluated, the cosine is the z component of the direction to the viewer.
     """
 
 
@@ -142,7 +142,7 @@ InputSource: TypeAlias = "float | Color | Texture | Primvar | Coordinates | View
 """The source of a value that an expression reads: a constant, or something that varies over the surface or the view."""
 
 Varying = Texture | Primvar | Bump | Formula
-"""The sources of an input of a layer that vary over the surface."""
+"""A source of a layer's input, if it varies over the surface."""
 
 Input = float | Color | str | Varying
 """The value of an input of a layer: a constant, a token (``variant = "2012"``), or a source that varies.
@@ -178,12 +178,12 @@ def depends_on_view(source: InputSource | Input) -> bool:
 class Layer:
     """One layer of a look: a reflectance model, the values of its inputs, and a mask.
 
-    `model` is a key of `lookdev.brdf.MODELS`, or of `lookdev.material.translate.TRANSLATIONS` for a foreign model: one
-    that is rendered as layers of those models. `inputs` holds the inputs that are set; others have the model's
-    defaults. The mask of the base layer is 1.
+    `model` is a key of `lookdev.brdf.MODELS` or, for a foreign model, of `lookdev.material.translate.TRANSLATIONS`. A
+    foreign model is rendered as layers of models in `MODELS`. `inputs` holds the inputs that are set; others have the
+    model's defaults. The mask of the base layer is 1.
 
     `mode` states how the layer combines with the layers beneath it. A layer in mode ``"over"`` covers them by its mask.
-    In mode ``"transmit"``, the light that the layer transmits falls on them.
+    In mode ``"transmit"``, the light that the layer transmits falls on the layers beneath.
     """
 
     name: str

@@ -1,6 +1,7 @@
 """Copies of a look with other values of single inputs.
 
-A wedge (a series of looks that differ in one input) and a fit (a search for the best values of several) use them.
+A wedge (a series of looks that differ in one input) and a fit (a search for the best values of several inputs) use such
+copies.
 
 An input is named by its layer and parameter, as ``base.roughness`` or ``dust.mask``. An input of an expression has a
 third part, its name in the expression, as ``dust.mask.amount``. The *path* of an input is this name without the layer:
@@ -65,10 +66,9 @@ def _find_input(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tupl
 class Constant:
     """An input of a look that is a constant number or colour.
 
-    `name` is its full name and `layer` the index of its layer in the look. `path` is the name of a parameter or
-    ``"mask"``, followed by the name of an input of that parameter's expression if the constant is such an input.
-    `parameter` is the record with the kind and the ranges of the constant. `value` is one number, or the three channels
-    of a colour.
+    `name` is its full name and `layer` the index of its layer in the look. `path` has the name of a parameter, or
+    ``"mask"``. If the constant is an input of an expression there, the name of this input follows. `parameter` is the
+    record with the kind and the ranges of the constant. `value` is one number, or the three channels of a colour.
     """
 
     name: str
@@ -107,18 +107,18 @@ def constant_named(look: Look, parameter: str) -> Constant:
 
 
 def look_with_live_inputs(look: Look, constants: Mapping[str, Constant]) -> Look:
-    """Return a look with live inputs in place of `constants`. Their keys are freely chosen and name the live inputs.
+    """Return a look with live inputs in place of `constants`. The caller chooses its keys, which name the live inputs.
 
-    A live input is a primvar that no mesh has, under the reserved name `live_primvar` of its key. Its fallback is the
-    value of the constant. The compiled program of the look therefore has it as a variable, with respect to which it can
-    compute derivatives.
+    A live input is a primvar that no mesh has, with the reserved name ``live_primvar(key)``. Its fallback is the value
+    of the constant. The compiled program of the look therefore has a variable for the live input, and can compute
+    derivatives with respect to this variable.
     """
     sources = [(constant, Primvar(live_primvar(key), _constant_value(constant))) for key, constant in constants.items()]
     return _replace_sources(look, sources)
 
 
 def replace_constants(look: Look, constants: Iterable[Constant]) -> Look:
-    """Return a look in which `constants` of the look have the values that they hold."""
+    """Return a look in which each of `constants` has its `Constant.value`."""
     return _replace_sources(look, [(constant, _constant_value(constant)) for constant in constants])
 
 
@@ -129,7 +129,7 @@ def _constant_value(constant: Constant) -> float | Color:
 
 
 def _replace_sources(look: Look, sources: Iterable[tuple[Constant, float | Color | Primvar]]) -> Look:
-    """Return a look in which each constant of the pairs is replaced by the source beside it."""
+    """Return a look in which the constant of each pair is replaced by the source of the pair."""
     layers = list(look.layers)
     for constant, source in sources:
         layer, (name, *inside) = layers[constant.layer], constant.path
@@ -144,7 +144,7 @@ def _input_of(layer: Layer, name: str) -> Input | None:
 
 
 def _formula_of(layer: Layer, name: str) -> Formula:
-    """Return the formula that an input of a layer, or its mask, must be."""
+    """Return an input of a layer, or its mask, which must be a formula."""
     formula = _input_of(layer, name)
     assert isinstance(formula, Formula), "only an expression has inputs"
     return formula
@@ -178,7 +178,7 @@ def variable_inputs(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, .
     These are the parameters of every layer, the masks of all layers but the base, and the inputs of expressions.
     """
     for layer in look.layers:
-        # An unset input is 0 here, which need only be no formula.
+        # The value 0 of an unset input has no meaning: any value that is not a formula would do.
         inputs: dict[str, Input] = dict.fromkeys(layer_parameters(layer.model), 0.0) | layer.inputs
         if layer is not look.layers[0]:
             inputs["mask"] = layer.mask
@@ -220,7 +220,7 @@ def _check_constant(
     """
     grey = parameter.kind == "color" and isinstance(value, float | int)
     prefix, _, name = full_name.rpartition(".")
-    # `complete` gets this parameter alone, which therefore can neither set another one (expand) nor follow one.
+    # `complete` gets this parameter alone. The record must therefore not set other parameters (expand) or follow one.
     record = replace(parameter, name=name, expand=None, follows="")
     checked: str | Floats = complete(prefix, {name: record}, {name: (value,) * 3 if grey else value})[name]
     return checked if isinstance(checked, str) else checked.tolist() if checked.ndim == 0 else tuple(checked.tolist())

@@ -51,7 +51,7 @@ def shader_definitions() -> str:
     """Return the text of shaderDefs.usda, for `Sdr.Registry`.
 
     It defines one node for each model, and nodes for layer stacks, bump maps, displacements and expressions. An input
-    has its type, default and help. Parameters of models that are numbers also have their hard and soft ranges.
+    has its type, default and help. Numbers, colours and normals of models also have their hard and soft ranges.
     """
     models = []
     for model in MODELS.values():
@@ -148,7 +148,7 @@ def _input_text(
 ) -> str:
     """Return the definition of an input of a node.
 
-    `default` is text of USD, and `text` the help. A `constant` input cannot be connected to a node that computes it.
+    `text` is the help. `default` is written in USD's text format. A `constant` input cannot be connected to a node.
     `ranges` are hardMin, hardMax, softMin and softMax, or empty.
     """
     lines = [f"    {usd_type} inputs:{name}" + (f" = {default}" if default else "") + " ("]

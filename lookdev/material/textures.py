@@ -29,7 +29,7 @@ from lookdev.material import WRAPS, Bump, Texture, Wrap
 from lookdev.stage.colorspaces import to_linear_rec709
 
 UDIM = "<UDIM>"
-"""The part of a file name in whose place each tile of a set has its number."""
+"""The part of the name of a set of tiles that stands for the number of a tile."""
 
 # Cached files have these numbers in their names. Raise one when the conversion, or the computation of slopes, changes.
 _CONVERTER_VERSION, _SLOPE_VERSION = 2, 1
@@ -47,8 +47,9 @@ _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slic
 class ImageHeader:
     """The channels, number type, wrap modes and colour space that an image file states.
 
-    `channels` are the names of the channels. If `is_unsigned`, texels are unsigned integers, which encode 0 to 1.
-    `wraps` are the modes along s and t. `is_tagged_srgb` is whether the file itself states that it is sRGB.
+    `channels` are the names of the channels. If `is_unsigned`, texels are unsigned integers, which encode 0 to 1. If
+    `is_eight_bit`, they have 8 bits. `wraps` are the modes along s and t. `is_tagged_srgb` is whether the file itself
+    states that it is sRGB.
     """
 
     channels: tuple[str, ...]
@@ -127,7 +128,7 @@ def check_images(texture: Texture) -> None:
 
 
 def is_uncentred_normal_map(texture: Texture) -> bool:
-    """Return whether a normal map lacks negative x and y: its texels are from 0 to 1, and scale and bias keep them so.
+    """Return whether a normal map lacks negative x and y: texels are 0 to 1, and scale and bias do not centre them.
 
     A map has negative components if scale and bias take the middle value 0.5 to 0 in x and y. This also holds for a map
     with a flipped or weakened axis. The tolerance covers the middle 128 / 255 of 8 bits. Raises as `check_images`.
@@ -166,15 +167,15 @@ def linear_texture(texture: Texture) -> Path:
 def slope_texture(height: Texture) -> Path:
     """Return the file of the slopes of a height map as a float EXR, computed into the cache if missing.
 
-    Channel R is the derivative of the height with respect to s, and G that with respect to t. Here s runs rightwards
-    and t upwards over the image, from 0 to 1. The height is the channel of `height`, linear, times the channel's scale.
-    The derivatives are central differences of texels. Beyond an edge, the texel is that of the opposite edge (repeat),
-    or of the edge itself (mirror, clamp, black).
+    Channel R is the derivative of the height with respect to s, and G the derivative with respect to t. Here s runs
+    rightwards and t upwards over the image, from 0 to 1. The height is the channel of `height`, linear, times the
+    channel's scale. The derivatives are central differences of texels. Beyond an edge, the neighbour is the texel at
+    the opposite edge (wrap mode repeat) or at the edge itself (mirror, clamp, black).
 
     Raises
     ------
     TextureError
-        As `linear_texture`; or `height` names three channels.
+        As `linear_texture`; or the channel of `height` is ``"rgb"``.
     """
     if height.channel == "rgb":
         raise TextureError(f"{height.file}: a height is one channel, r, g, b or a, not rgb")
@@ -185,7 +186,7 @@ def slope_texture(height: Texture) -> Path:
 
     def slope_strips(texels: Floats32) -> Iterator[Floats]:
         rows, columns = texels.shape
-        # Rows -1 to `rows`: every row has one above and one below. Row 0 is the top of the image.
+        # The rows from -1 to `rows`, wrapped, so that every row has a neighbour above and below. Row 0 is the top.
         neighbour_rows = np.arange(-1, rows + 1)
         neighbour_rows = neighbour_rows % rows if height.wrap_t == "repeat" else np.clip(neighbour_rows, 0, rows - 1)
         for first in range(0, rows, _STRIP_ROWS):
@@ -311,7 +312,7 @@ def _look_up(prepare: Callable[[Texture], Path], texture: Texture, image_st: Flo
 def _wrap_derivative(coordinate: Floats, wrap: str) -> Floats:
     """Return the derivative of the wrapped coordinate with respect to the coordinate.
 
-    For ``black`` it is 1 everywhere: there the look-up of slopes itself returns 0 outside.
+    For ``black`` it is 1 everywhere, because the look-up of slopes itself returns 0 outside the image.
     """
     if wrap == "mirror":
         return np.where(np.mod(np.floor(coordinate), 2.0) == 1.0, -1.0, 1.0)
@@ -330,7 +331,7 @@ def _bilinear_taps(coordinate: Floats, size: int, wrap: str) -> list[tuple[Indic
         if wrap == "repeat":
             texel = np.mod(index, size)
         elif wrap == "mirror":
-            # A period is the image and its mirrored copy; the second half counts down.
+            # A period is the image and its mirrored copy. Over the copy, the indices of texels count down.
             texel = np.mod(index, 2 * size)
             texel = np.minimum(texel, 2 * size - 1 - texel)
         else:
@@ -349,7 +350,7 @@ def _linear_pixels(linear: Path) -> Floats:
 
 
 def _channel_indices(file: Path, spec: oiio.ImageSpec) -> tuple[list[int], int | None]:
-    """Return the indices of the file's channels for r, g and b, and that for alpha, if any, as UsdUVTexture defines.
+    """Return the indices of a file's channels for r, g and b, and the index for alpha or None, as UsdUVTexture defines.
 
     Raises TextureError where the channels are neither gray, gray and alpha, RGB nor RGBA.
     """
@@ -369,7 +370,7 @@ def _read_rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[Floats]:
     """
     spec = image.spec()
     color, alpha = _channel_indices(file, spec)
-    # The corner of the data window relative to that of the display window; negative where it lies outside.
+    # The upper left corner of the data window, relative to the display window's; negative if it lies outside.
     left, top = spec.x - spec.full_x, spec.y - spec.full_y
 
     def blank_strips(rows: int) -> Iterator[Floats]:

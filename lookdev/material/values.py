@@ -35,7 +35,10 @@ from lookdev.material.translate import layer_parameters, translate_layer
 
 
 class Surface(Protocol):
-    """Points of a surface with the data of the surface there. The axes ... of its arrays are those of the points."""
+    """Points of a surface with the data of the surface there.
+
+    In the shapes of its arrays, ``...`` stands for the axes of the points.
+    """
 
     def uv(self, name: str) -> Array:
         """Return the texture coordinates (..., 2) of the points in a UV set."""
@@ -50,7 +53,7 @@ class Surface(Protocol):
         """Return the values of a primvar: (...), or (..., 3) where its fallback is a colour."""
 
     def handedness(self) -> Array:
-        """Return +1 where v of the UV set grows along cross(normal, tangent), and -1 where it falls, (...)."""
+        """Return (...): +1 where v of the UV set grows along cross(normal, tangent), and -1 where v falls."""
 
     def view(self) -> Array:
         """Return the cosine between the shading normal and the direction to the viewer, (...); see `ViewCosine`."""
@@ -102,7 +105,7 @@ def _complete_parameters(layer: Layer, values: SourceValues) -> Parameters:
         if records[name].kind == "normal" and name in constants and not isinstance(value, float | str):
             parameters[name] = values.in_shading_frame(value)
     parameters |= {name: values.parameter_value(source, records[name]) for name, source in varying.items()}
-    # `complete` has only seen constants: parameters that follow one that varies get their values here.
+    # `complete` has only seen constants. Parameters that follow a varying parameter get their values here.
     return parameters | add_followers(records, {name: parameters[name] for name in inputs})
 
 
@@ -111,12 +114,12 @@ class SourceValues:
     """Evaluates sources at the points of a surface."""
 
     surface: Surface
-    # The value of each evaluated formula, and whether it is a colour, by the formula's id(): several inputs may share a
-    # formula. The look keeps its formulas while this object exists.
+    # Pairs (value, whether the value is a colour) of evaluated formulas, by the formula's id(): several inputs may
+    # share a formula. The look keeps its formulas while this object exists.
     _formulas: dict[int, tuple[Array, bool]] = field(default_factory=dict)
 
     def parameter_value(self, source: InputSource | Bump, parameter: Parameter) -> Real:
-        """Return the value of a parameter, one number or an array over the points; one that varies is clipped.
+        """Return the value of a parameter: one number, or an array over the points.
 
         Values of textures, primvars and expressions are clipped to the parameter's hard range. Constants are not.
         Normals are returned in the shading frame.
@@ -137,7 +140,7 @@ class SourceValues:
         if are_equal(normal[..., 1], 0.0):
             return normal
         hand = self.surface.handedness()
-        # Adding 0 times an array gives a constant the array's shape; so in other functions here.
+        # Adding 0 times an array gives a constant the array's shape. Other functions here do the same.
         ones = 1.0 + 0.0 * hand
         return normal * vector(ones, hand, ones)
 
@@ -171,7 +174,7 @@ class SourceValues:
     def _bump_normal(self, bump: Bump) -> Array:
         """Return normals (..., 3) of heights h in the frame of the UVs, not normalised: (-dh/ds, -dh/dt, 1)."""
         slopes = self.surface.slopes(bump.height) * bump.scale
-        # The chain rule: the image's coordinates are a linear function of those of the surface.
+        # The chain rule: the image's coordinates are a linear function of the surface's coordinates.
         a, b, _, c, d, _ = bump.height.transform
         s, t = slopes[..., 0], slopes[..., 1]
         slope_s, slope_t = s * a + t * c, s * b + t * d
@@ -186,7 +189,8 @@ def view_dependent_value(text: str, parameter: Parameter, view: Array) -> Array:
     Raises
     ------
     ExpressionError
-        The text is not an expression, does not use the view, uses another name, or its result has another type.
+        The text is not an expression, does not use the view, uses another name, or has a result of another type than
+        the parameter. A float result is also right for a colour parameter.
     """
     expression = parse(text)
     kinds: dict[str, ExpressionKind] = {VIEW: "float"}
@@ -208,8 +212,8 @@ def clip_to_range(value: Array, parameter: Parameter) -> Array:
 
 
 def presence(layer: Layer) -> Input:
-    """Return the input that sets the presence of a layer: how much of it is there. It is 1 where none is set."""
-    # A model names its parameter for presence as its counterpart of UsdPreviewSurface's opacity.
+    """Return the input that sets the presence of a layer: how much of the layer is there. The default is 1."""
+    # The presence is the parameter that corresponds to UsdPreviewSurface's ``opacity`` in `Preview.same` of the model.
     return layer.inputs.get(MODELS[layer.model].preview.same.get("opacity", ""), 1.0)
 
 

@@ -1,6 +1,6 @@
 """Selections of USD variants, as dicts from a variant set to its selected variant.
 
-They are parsed from the command line. For a set with ``"*"``, one selection for each of its variants is made.
+They are parsed from the command line. A set whose variant is ``"*"`` expands to one selection for each of its variants.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ def expand_wildcards(
 ) -> tuple[dict[str, str], ...]:
     """Return all selections that result if each ``"*"`` of a selection is replaced by a variant of its set.
 
-    The sets are expanded in order. ``choices(selection, set)`` returns the variants of a set; in `selection`, the sets
-    before it are expanded and those after it are still ``"*"``. The variants can depend on the selection, because USD
-    allows a set inside a variant of another. Raises LookError, at `file` and `prim`, where a set has no variants or
-    there are too many combinations.
+    The sets are expanded in order. ``choices(selection, set)`` returns the variants of a set. In `selection`, the sets
+    before this set are expanded, and later ones may still be ``"*"``. The variants can depend on the selection, because
+    USD allows a set inside a variant of another set. Raises LookError, at `file` and `prim`, where a set has no
+    variants or there are too many combinations.
     """
     selections = [dict(variants)]
     while (set_name := next((name for name, choice in selections[0].items() if choice == "*"), None)) is not None:

@@ -53,7 +53,7 @@ class Expression:
         values
             Floats (...) and linear colours (..., 3) by name, as float64 or symbolic arrays.
         types
-            The type of each value. The shape does not tell it: three floats and one colour have the same.
+            The type of each value. The shape alone is ambiguous: three floats and one colour have the same shape.
 
         Returns
         -------
@@ -66,7 +66,7 @@ class Expression:
             channels = [clip_to_bound(channel) for channel in _Evaluation(values, types).value(self.root)]
             if kind == "float":
                 return channels[0]
-            zero = sum(channel * 0.0 for channel in channels)  # of the shape to which the channels broadcast
+            zero = sum(channel * 0.0 for channel in channels)  # has the shape to which the channels broadcast
             return np.stack([channel + zero for channel in channels], axis=-1)
 
 
@@ -76,7 +76,7 @@ def parse(text: str) -> Expression:
 
 
 class _Checker:
-    """Determines the types of the nodes of an expression's tree, and raises ExpressionError where they do not fit."""
+    """Determines the types of the nodes of an expression's tree, and raises ExpressionError where types do not fit."""
 
     def __init__(self, text: str, types: Mapping[str, ExpressionKind]) -> None:
         self.text, self.types = text, types
@@ -175,6 +175,6 @@ class _Evaluation:
 
 
 def _map_channels(function: Callable[..., Array], *values: tuple[Real, ...]) -> tuple[Array, ...]:
-    """Return the results of a function for each channel of its arguments; a float is three equal channels."""
+    """Return the results of a function for each channel of its arguments; beside a colour, a float is a grey."""
     count = max(len(value) for value in values)
     return tuple(function(*(value[i % len(value)] for value in values)) for i in range(count))

@@ -4,7 +4,8 @@
 functions that `lookdev.brdf` uses too: these also accept the symbolic arrays of code generation.
 
 For finite arguments within `MAX_MAGNITUDE`, every result is finite. Where SeExpr leaves a value undefined, the
-docstring states it. A function of a colour takes a tuple of three arrays; others work on one channel at a time.
+docstring states the value here. A function of a colour takes a tuple of three arrays; others work on one channel at a
+time.
 
 - SeExpr 2, Disney Enterprises: user documentation, and the formulas of its built-in functions.
 - Perlin, K. 2002. Improving Noise. SIGGRAPH.
@@ -36,7 +37,7 @@ class LanguageFunction:
     parameters
         The names of the parameters.
     optional
-        The number of parameters, the last ones, that may be omitted.
+        The number of parameters that may be omitted; these are the last ones.
     domain
         The type of the arguments. ``"each"``: floats and colours, where `evaluate` gets one channel at a time.
         ``"float"``: floats only. ``"color"``: a colour, as a tuple of three arrays, then floats. ``"truth"``: truth
@@ -81,8 +82,8 @@ def modulo(x: Array, y: Real) -> Array:
 
 def power(x: Array, y: Array) -> Array:
     """Return x to the power y; 0 where no real value exists (x < 0 and y not whole, or x = 0 and y < 0)."""
-    # `size` is the magnitude of the power. `sign` is that of the power of a negative x: -1 for odd y, 1 for even y, and
-    # 0 where y is not whole.
+    # `size` is the magnitude of the power. `sign` is the sign of the power of a negative x: -1 for odd y, 1 for even y,
+    # and 0 where y is not whole.
     zero = np.equal(x, 0.0)
     size = np.where(zero, np.where(np.equal(y, 0.0), 1.0, 0.0), np.power(np.where(zero, 1.0, np.absolute(x)), y))
     whole = np.floor(y)
@@ -120,7 +121,7 @@ def round_half_away(x: Array) -> Array:
 
 def mix(a: Array, b: Array, alpha: Array) -> Array:
     """Blend linearly from a (alpha 0) to b (alpha 1)."""
-    # In this form, generated code omits one of the two for a constant alpha of 0 or 1.
+    # In this form, generated code omits one of the two terms for a constant alpha of 0 or 1.
     return a * (1.0 - alpha) + b * alpha
 
 
@@ -143,7 +144,7 @@ def _smooth(t: Array) -> Array:
 
 def _gaussian(t: Array) -> Array:
     """Return half a Gaussian bell that rises to 1 at t = 1; 0 at t = 0."""
-    # As in SeExpr, the bell begins with 2^-8.
+    # As in SeExpr, the bell begins at 2^-8, just above t = 0.
     return np.where(t > 0.0, np.exp((-8.0 / log2(e)) * (1.0 - t) * (1.0 - t)), 0.0)
 
 
@@ -209,8 +210,8 @@ def saturate(color: tuple[Array, ...], amount: Array) -> tuple[Array, ...]:
 
 def _wrap_index(i: Array, period: float = _PERIOD) -> Array:
     """Return whole numbers modulo a period, exact in float32 for i below 3e6."""
-    # (i + 0.5) / period is at least 0.5 / period away from any integer, so a smaller error does not change its floor.
-    # For i below 3e6, its float32 error is at most 1 / 900, and 0.5 / 289 is 1 / 578.
+    # (i + 0.5) / period is at least 0.5 / period away from any integer, so a smaller error does not change the floor.
+    # For i below 3e6, the error of the quotient in float32 is at most 1 / 900, and 0.5 / 289 is 1 / 578.
     return i - period * np.floor((i + 0.5) * (1.0 / period))
 
 
@@ -242,9 +243,9 @@ def _gradient_product(number: Array, x: Array, y: Array, z: Array) -> Array:
 
 
 def _lattice(x: Real) -> tuple[Array, Array, Array]:
-    """Return, for one axis, the index of the lattice point below x, the distance from it, and the next point's weight.
+    """Return, for one axis, the index of the lattice point below x, x minus this point, and the next point's weight.
 
-    The index is modulo the period. The weight is Perlin's polynomial of degree five in the distance.
+    The index is modulo the period. The weight is Perlin's polynomial of degree five in x minus the point.
     """
     floor = np.floor(x)
     t = x - floor
@@ -254,10 +255,11 @@ def _lattice(x: Real) -> tuple[Array, Array, Array]:
 def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
     """Return Perlin's gradient noise in [0, 1], with mean 0.5 and period 289. At lattice points it is 0.5.
 
-    The hashes are whole numbers below 2^24, and therefore equal in float32 and float64. For an omitted coordinate,
-    which is constant and on the lattice, generated code omits the terms of the next lattice point.
+    The hashes are whole numbers below 2^24, and therefore equal in float32 and float64. An omitted coordinate is the
+    constant 0, on the lattice. For this coordinate, generated code omits the terms of the next lattice point.
     """
-    # Along the three axes: `i`, `j`, `k` are indices of the lattice point, `u`, `v`, `w` weights of the next point.
+    # Along the three axes: `i`, `j`, `k` are indices of the lattice point, `u`, `v`, `w` weights of the next point. In
+    # the functions below, `a`, `b`, `c` are 0 for this point and 1 for the next one.
     (i, x, u), (j, y, v), (k, z, w) = (_lattice(value) for value in (np.asarray(0.0) + x, y, z))
 
     def corner(a: int, b: int, c: int) -> Array:
@@ -273,7 +275,7 @@ def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
 
 
 def cellnoise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
-    """Return a random value that is constant in each cell of the lattice: one of 289 from 0 to 1, with period 289."""
+    """Return a random value, constant in each cell of the lattice: one of 289 values from 0 to 1, with period 289."""
     i, j, k = (_wrap_index(np.floor(value)) for value in (x, y, z))
     return _hash(i, j, k) * (1.0 / (_PERIOD - 1.0))
 

@@ -1,6 +1,6 @@
 """The parser of the expression language: a tokenizer, and an operator-precedence parser that builds a syntax tree.
 
-The language is that of SeExpr's expressions (Disney), without variables: see ``docs/expressions.md``.
+The language has the syntax of SeExpr's expressions (Disney), without variables: see ``docs/expressions.md``.
 
 - Pratt, V. 1973. Top Down Operator Precedence. POPL.
 """
@@ -20,7 +20,7 @@ MAX_LENGTH = 64 * 1024
 """The greatest length of an expression, in characters."""
 
 _MAX_DEPTH = 64  # nested operations
-_MAX_QUOTED_LENGTH = 40  # characters of a name in a message; of a faulty line, twice as many
+_MAX_QUOTED_LENGTH = 40  # characters of a name in a message; twice as many for a faulty line
 
 
 class ExpressionError(LookdevError):
@@ -48,8 +48,8 @@ class ExpressionError(LookdevError):
 class _Node:
     """A node of the syntax tree.
 
-    `position` is the index in the text of the node's operator or first character. `depth` is the height of the tree
-    below the node: 1 for a node without operands.
+    `position` is the index in the text of the node's operator or first character. `depth` is 1 for a node without
+    operands, else 1 more than the largest depth of an operand.
     """
 
     position: int
@@ -107,7 +107,7 @@ ExpressionNode: TypeAlias = NumberNode | NameNode | ApplyNode | ColorNode | Chan
 
 
 class _Token(NamedTuple):
-    """A token of the text: `kind` is a group of `_TOKEN`, or ``"end"`` after the last one."""
+    """A token of the text. `kind` is the name of a group of `_TOKEN`, or ``"end"`` after the last token."""
 
     kind: str
     text: str
@@ -121,8 +121,8 @@ _TOKEN = re.compile(
     r"|(?P<sign>[<>=!]=|&&|\|\||[-+*/%^!<>?:(),\[\]])"
 )
 
-# The binding power (Pratt 1973) of each operator on its left operand: the operator with the higher power takes the
-# operand between two. Only ``^`` and ``?`` are right-associative.
+# The binding power (Pratt 1973) of each operator on its left operand. An operand between two operators belongs to the
+# one with the higher power. Only ``^`` and ``?`` are right-associative.
 _BINDING_POWER = {"?": 1, "||": 2, "&&": 3, "==": 4, "!=": 4, "<": 5, "<=": 5, ">": 5, ">=": 5}
 _BINDING_POWER |= {"+": 6, "-": 6, "*": 7, "/": 7, "%": 7, "^": 9, "[": 10}
 # The names in `OPERATORS` of the signs that stand before an operand.
@@ -220,8 +220,8 @@ class _Parser:
 
     def _parse(self, binding_power: int) -> ExpressionNode:
         """Parse an operand and the operators that follow, as long as their binding power is above `binding_power`."""
-        # Bounds Python's recursion. `depth` does not bound it, because parentheses make no node. Each pair is a nested
-        # call of this function, and an operator between two pairs is another.
+        # This bounds Python's recursion. `_Node.depth` does not, because parentheses make no node. Each pair of
+        # parentheses is a nested call of this function, and an operator between two pairs is another.
         self._nesting += 1
         if self._nesting > 2 * _MAX_DEPTH:
             raise self._depth_error(self._token.position)

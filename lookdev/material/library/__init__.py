@@ -56,8 +56,8 @@ class Library:
 def library_folders(library: Path | None = None) -> tuple[Path, ...]:
     """Return the absolute folders of presets, the one with the highest precedence first.
 
-    They are `library`; if that is None, the folders in ``$LOOKDEV_LIBRARY``; if that is empty, the existing ones of
-    `SHIPPED_FOLDERS`. Raises LookError where a folder that the user names is missing, or all shipped ones are.
+    They are `library`; if that is None, the folders in ``$LOOKDEV_LIBRARY``; if that is empty, the existing folders of
+    `SHIPPED_FOLDERS`. Raises LookError where a folder that the user names, or every shipped folder, is missing.
     """
     environment_folders = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
     named_folders = [library] if library else environment_folders
@@ -74,7 +74,7 @@ def library_folders(library: Path | None = None) -> tuple[Path, ...]:
 
 
 def read_library(folders: Iterable[Path], category: str | None = None) -> Library:
-    """Read all presets of some folders, or those of one category; LookError where there are none."""
+    """Read the presets of some folders, of all categories or of one; raises LookError where there are none."""
     folders = tuple(folders)
     presets: list[Preset] = []
     faults: list[Fault] = []
@@ -95,9 +95,9 @@ def read_library(folders: Iterable[Path], category: str | None = None) -> Librar
 
 
 def find_preset(name: str, library: Path | None = None) -> Preset:
-    """Return the preset of a file, if `name` has the suffix of one, or else the preset of this name in the library.
+    """Return the preset in the file `name`, if this has the suffix of a USD file, or else the library's preset `name`.
 
-    Upper and lower case of the name are equal. Raises LookError where there is no such preset.
+    Upper and lower case are equal in names of the library. Raises LookError where there is no such preset.
     """
     if Path(name).suffix in LOOK_SUFFIXES:
         return read_preset(Path(name).absolute())
@@ -137,7 +137,7 @@ def read_preset(file: Path) -> Preset:
 
 
 def _only_layer(prim: Usd.Prim) -> Usd.Prim | None:
-    """Return the shader of the only layer of a look; None where `prim` is no such look or an input is connected."""
+    """Return the shader of the only layer of the look `prim`; None for another prim, or where an input is connected."""
     material = UsdShade.Material(prim)
     surface = material.GetOutput("lookdev:surface") if material else None
     sources = surface.GetConnectedSources()[0] if surface else []
@@ -155,7 +155,7 @@ def library_text(library: Library) -> str:
 
 
 def _preset_files(folders: Iterable[Path]) -> dict[str, Path]:
-    """Return the files in library folders by casefolded name; of equal names, the one in the first folder counts."""
+    """Return the files in library folders by casefolded name. For equal names, the first folder counts."""
     files: dict[str, Path] = {}
     for folder in folders:
         for file in sorted(folder.iterdir()):

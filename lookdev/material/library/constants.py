@@ -34,10 +34,10 @@ def set_inputs(
 ) -> None:
     """Set constants of the layers of a look in its file.
 
-    The keys of `values` are pairs: the index of a layer in the look, base first, and the name of an input. This is a
-    parameter, ``"mask"``, or an input of an expression, as ``"mask.dirt"``. An opinion of the file itself changes where
-    it is, also in a variant. An input that only another file states gets an override in this file. `variants` selects
-    the variants in which the material is composed.
+    The keys of `values` are pairs: the index of a layer in the look, base first, and the name of an input. An input is
+    a parameter, ``"mask"``, or an input of an expression, such as ``"mask.dirt"``. An opinion of the file itself is
+    changed in place, also in a variant. An input that only another file states gets an override in this file.
+    `variants` selects the variants in which the material is composed.
     """
     with edit_material(file, prim, variants) as material:
         for (number, name), value in values.items():
@@ -63,8 +63,8 @@ def write_changed(
     rounded = [replace(constant, value=tuple(float(np.float32(x)) for x in constant.value)) for constant in constants]
     target = replace_constants(look, rounded)
     with atomic_path(out) as temporary, report_faults_for(out, temporary):
-        # First try to set the interface inputs that state constants. If that changes other inputs too, because they are
-        # connected to the same ones, override the connections in a second try.
+        # The first try sets the interface inputs that state constants. If this also changes other inputs, which are
+        # connected to the same interface inputs, the second try overrides the connections of the constants.
         for by_interface in (True, False):
             _copy_layer(file, temporary, out)
             with open_material(temporary, prim, variants) as material:
@@ -109,7 +109,7 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
         attribute = shader.CreateInput(name, INPUT_TYPES[kind]).GetAttr()
     if not inside:
         return attribute
-    # This network only follows connections. The name of its file would only matter in faults.
+    # This network only follows connections. Its file needs no name: this would only appear in faults.
     source = Network(Path()).follow(attribute)
     node_inputs = source.shader.GetInputs() if isinstance(source, OutputSource) else []
     names = [node_input.GetBaseName() for node_input in node_inputs]
@@ -125,8 +125,9 @@ def _constant_attribute(material: UsdShade.Material, layer: int, path: Sequence[
 def set_constant(attribute: Usd.Attribute, value: object, *, by_interface: bool = True) -> None:
     """Set a constant at the strongest opinion of the edited file, or add an opinion where the file has none.
 
-    If the attribute is connected to an interface input of the material, `by_interface` sets that input; otherwise the
-    connection is removed. Raises LookError where `by_interface` is set and a node computes the attribute.
+    An attribute may be connected to an interface input of the material. With `by_interface`, the interface input is
+    set. Without it, the connection is removed. Raises LookError where `by_interface` is set and a node computes the
+    attribute.
     """
     # `Constant.value` of a float is a tuple of one number.
     usd_value = Gf.Vec3f(*map(float, value)) if isinstance(value, tuple) and len(value) == 3 else value
@@ -148,11 +149,11 @@ def set_constant(attribute: Usd.Attribute, value: object, *, by_interface: bool 
 
 
 def _reanchor_paths(layer_file: Path, before: Path, after: Path) -> None:
-    """Rewrite the relative paths of a USD layer, which are relative to `before`, as relative to the folder `after`."""
+    """Rewrite the paths in a USD layer that are relative to the folder `before` as relative to the folder `after`."""
     layer = Sdf.Layer.FindOrOpen(str(layer_file))
 
     def reanchor_path(path: str) -> str:
-        # A path without ./ that is not there comes from USD's search path, and stays.
+        # A path without ./ that does not exist comes from USD's search path, and stays.
         if not path or Path(path).is_absolute() or "://" in path or (path[0] != "." and not (before / path).exists()):
             return path
         return relative_path(before / path, after)

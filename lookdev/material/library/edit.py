@@ -64,8 +64,8 @@ def measured_look(file: Path, measurement: Path) -> str:
 def model_look(file: Path, model: Model, values: Parameters, *, is_relative: bool = False) -> str:
     """Write a new look whose base is a layer of a model, and return the path of its material; otherwise as `new_look`.
 
-    `values` has constants of the model by name; others keep their defaults. Paths of files among them are written as
-    absolute, or with `is_relative` as relative to the look. Raises ModelError for faulty constants.
+    `values` has constants of the model by name; other parameters keep their defaults. Paths among the constants are
+    written as absolute, or with `is_relative` as relative to the look. Raises ModelError for faulty constants.
     """
     model.complete(values)  # for the errors that it raises
 
@@ -154,7 +154,7 @@ def add_layer(
 def remove_layer(
     file: Path, layer: str, prim: str | None = None, variants: VariantChoice = None
 ) -> tuple[int, str, bool]:
-    """Remove a layer from a stack; return its number, its name, and whether it was removed, not disabled.
+    """Remove a layer from a stack; return its number, its name, and whether it was removed (not only disabled).
 
     The layers above get new numbers, and nodes that only this layer used are removed. A layer that another file defines
     cannot be removed. It is disabled instead.
@@ -178,8 +178,8 @@ def set_mask(
 ) -> tuple[int, str]:
     """Replace the mask of a layer; return the layer's number and name.
 
-    Nodes that only the old mask used are removed. An input of an expression for which `mask` states nothing keeps the
-    source that it had in the old expression.
+    Nodes that only the old mask used are removed. If `mask` is an expression and states nothing for one of its inputs,
+    this input keeps its source from the old expression.
     """
     with edit_material(file, prim, variants) as material:
         stack = require_stack(material)
@@ -199,14 +199,14 @@ def replace_source(
     """Replace the source of an input by `source`, or remove it where `source` is None.
 
     The nodes of the new source become children of the prim `scope`, under `name`. `kind` is the type of the input.
-    Nodes that only the old source used are removed. An input of an expression for which `source` states nothing keeps
-    the source that it had in the old expression.
+    Nodes that only the old source used are removed. If `source` is an expression and states nothing for one of its
+    inputs, this input keeps its source from the old expression.
     """
-    # This network only follows connections. The name of its file would only matter in faults.
+    # This network only follows connections. Its file needs no name: this would only appear in faults.
     old_states = _input_states(Network(Path()).follow(attribute)) if source is not None else {}
     used = find_upstream(material, [attribute])
     clear_input(attribute)
-    # The sources of the old expression's inputs are kept until the new expression is written, which may use them.
+    # The new expression may use the sources of the old expression's inputs. These are kept until it is written.
     remove_unused(material, used, [path for state in old_states.values() for path in state.connections])
     if source is not None:
         MaskWriter(attribute.GetStage(), scope, old_states, kind).write(attribute, name, source)

@@ -23,11 +23,11 @@ from lookdev.material.usd import VariantChoice, open_material
 from lookdev.material.usd.network import Network, OutputSource
 
 _TYPES = Sdf.ValueTypeNames
-# The paths in a fragment of its Material, and of the stack in it.
+# In a fragment: the path of its Material, and the path of the stack in the Material.
 _ROOT = Sdf.Path("/LookdevLayer")
 _STACK = _ROOT.AppendChild("Layers")
 _MAX_LENGTH = 1 << 20  # characters of a text that is pasted
-# The types of the inputs of a stack by `lookdev.material.library.stack.LAYER_PARTS`, without the layer itself.
+# The types of a stack's inputs for a layer, by the parts in `lookdev.material.library.stack.LAYER_PARTS` except "".
 _PART_TYPES = {"Mask": _TYPES.Float, "Enabled": _TYPES.Bool, "Mode": _TYPES.Token}
 _DOC = "A layer of a look, as the Designer copies and pastes it."
 
@@ -120,6 +120,7 @@ def save_preset(
                 shader_copy.CreateInput(shader_input.GetBaseName(), shader_input.GetTypeName()).Set(value)
         shader_copy.CreateOutput("layer", _TYPES.Token)
         stage.GetRootLayer().Save()
+        # An invalid preset raises LookError here, and is not moved to `target`.
         read_preset(temporary)
 
 
@@ -138,7 +139,7 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
     top_paths = sorted(path for path in nodes if not any(path != other and path.HasPrefix(other) for other in nodes))
     sites = {path: find_sites(root, path) for path in top_paths}
     # If the file itself defines all nodes, outside of variants, their specs are copied. Otherwise, the composed stage
-    # is flattened into one layer, and they are copied from there.
+    # is flattened into one USD layer, and the specs are copied from this layer.
     is_plain = all(sites[path] == [path] and is_defined(root, [path]) for path in top_paths)
     source, fragment = root if is_plain else stage.Flatten(), Sdf.Layer.CreateAnonymous(".usda")
     top = Sdf.PrimSpec(fragment, _ROOT.name, Sdf.SpecifierDef, "Material")
@@ -169,7 +170,7 @@ def _extract_fragment(material: UsdShade.Material, layer: str, *, by_value: bool
 
 
 def _free_path(layer: Sdf.Layer, name: str) -> Sdf.Path:
-    """Return an unused path in a fragment for a node: its name, with a number where it is in use."""
+    """Return an unused path in a fragment for the node `name`; a number follows a name that is in use."""
     name = name if name != _STACK.name else f"{name}Node"
     names = [name, *(f"{name}{number}" for number in range(2, 1000))]
     return next(path for candidate in names if not layer.GetPrimAtPath(path := _ROOT.AppendChild(candidate)))
@@ -180,8 +181,8 @@ def _replace_interface(
 ) -> None:
     """Replace connections of a fragment to interface inputs of the material by the values of these inputs.
 
-    `origins` maps the paths of nodes in the fragment to those in the material. Raises LookError where a node computes
-    such an input.
+    `origins` maps the path of a node in the fragment to its path in the material. Raises LookError where a node
+    computes such an input.
     """
     stage = material.GetPrim().GetStage()
 
@@ -207,6 +208,7 @@ def _insert_fragment(material: UsdShade.Material, fragment: Sdf.Layer) -> int:
     Sdf.CreatePrimInLayer(root, stack.scope)
     for child in fragment.GetPrimAtPath(_ROOT).nameChildren:
         if child.path != _STACK:
+            # `moved_path` takes the first match: `_ROOT` stays last, because it is a prefix of all others.
             new_paths = {child.path: free_path(stage, stack.scope, child.name)} | new_paths
             Sdf.CopySpec(fragment, child.path, root, new_paths[child.path])
     for old, new in new_paths.items():

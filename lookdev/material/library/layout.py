@@ -62,7 +62,7 @@ class _Statement:
 
     @property
     def content(self) -> tuple[str, ...]:
-        """The texts inside the statement, equal for two prims that USD has written and that differ only in name."""
+        """The texts inside the statement. In USD's own layout, prims have equal content if only their names differ."""
         inside = [statement for block in (self.meta, self.body) if block for statement in block.statements]
         return (
             self.head.strip() if not inside else "",
@@ -108,7 +108,7 @@ class _Reader:
         head: list[str] = []
         while True:
             kind, text = self._peek()
-            if depth and kind:  # inside a value: a short way for long arrays
+            if depth and kind:  # inside a value: this branch makes long arrays fast
                 depth += (kind == "open") - (kind == "close")
                 head.append(text)
                 self._index += 1
@@ -174,7 +174,7 @@ def _block_text(block: _Block) -> str:
 
 
 def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -> _Block | None:
-    """Return the author's block with the changes from `before` to `after`, blocks of the two layers that USD writes."""
+    """Return the author's block with the changes from `before` to `after`, the same block as USD writes it."""
     if author is None or before is None or after is None:
         return after
     old, new = ({statement.key: statement for statement in block.statements} for block in (before, after))
@@ -197,8 +197,8 @@ def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -
         else:
             same = previous is not None and previous.head == current.head
             merged[key] = replace(statement, lead=lead) if same else replace(statement, lead=lead, head=current.head)
-    # Statements stay in the author's order. New ones and those that the edit has moved follow the statement that is
-    # before them in `after`.
+    # Statements stay in the author's order. New statements, and statements that the edit has moved, follow the
+    # statement that is before them in `after`.
     moved = _moved_keys([renamed.get(statement.key, statement.key) for statement in before.statements], [*new])
     order, last = [key for key in merged if key not in moved], ""
     for statement in after.statements:
@@ -210,7 +210,7 @@ def _merge(author: _Block | None, before: _Block | None, after: _Block | None) -
 
 
 def _moved_keys(before: Sequence[str], after: Sequence[str]) -> set[str]:
-    """Return the keys that an edit has moved: those in both sequences whose order among the common keys differs."""
+    """Return the keys that an edit has moved: keys in both sequences, in another order among the common keys."""
     common = {*before} & {*after}
     old, new = ([key for key in keys if key in common] for keys in (before, after))
     same = difflib.SequenceMatcher(None, old, new, autojunk=False).get_matching_blocks()

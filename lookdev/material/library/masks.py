@@ -31,7 +31,10 @@ _FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGE_SUFFIXES)}), primvar:
 
 @dataclass(frozen=True)
 class MaskImage:
-    """An image file, by its absolute path, as a source: a `channel` ``"r" "g" "b" "a"``, or ``"rgb"`` for a colour."""
+    """An image file as a source.
+
+    `file` is an absolute path. `channel` is one of ``"r" "g" "b" "a"``, or ``"rgb"`` for a colour.
+    """
 
     file: Path
     channel: str = "r"
@@ -41,7 +44,7 @@ class MaskImage:
 class PrimvarName:
     """A primvar of the geometry as a source; 0 where the mesh has none.
 
-    It is a colour if the input that reads it is a colour, else a float.
+    The primvar is a colour if the input that reads it is a colour, else a float.
     """
 
     name: str
@@ -123,8 +126,8 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -
 def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Path) -> MaskInput | None:
     """Parse a source that is not an expression; return None where the text is something else.
 
-    `subject` is ``"mask"``, a parameter's name or ``"--input NAME"``, for messages; UV sets are only for the last.
-    `channels` are those allowed for an image, the default first. Raises LookError for a faulty source.
+    `subject` is ``"mask"``, a parameter's name or ``"--input NAME"``, for messages. Only ``"--input NAME"`` can be a UV
+    set. `channels` are those allowed for an image, the default first. Raises LookError for a faulty source.
     """
     if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", text, re.I):
         value = float(text)
@@ -149,7 +152,7 @@ def _parse_source(text: str, subject: str, channels: tuple[str, ...], folder: Pa
 
 @dataclass(frozen=True)
 class InputState:
-    """What a file states for an input of a node: its type, and its connections or else its value."""
+    """What a file states for an input of a node: its type in USD, and its connections or else its value."""
 
     type_name: Sdf.ValueTypeName
     connections: tuple[Sdf.Path, ...]
@@ -159,8 +162,9 @@ class InputState:
 class MaskWriter:
     """Writes the nodes for the source of a mask or a parameter, as children of the prim `scope`.
 
-    `states` has the inputs, by name, of the expression that is replaced. An input of the new expression for which no
-    source is given gets the state of the old input with its name. `kind` is the type of the mask or parameter.
+    `states` has the states of the inputs, by name, of the expression that is replaced. If no source is given for an
+    input of the new expression, the input gets the state of the old input of the same name. `kind` is the type of the
+    mask or parameter.
     """
 
     def __init__(
@@ -193,7 +197,7 @@ class MaskWriter:
                 attribute.Set(mask)
 
     def _write_image(self, name: str, image: MaskImage) -> Sdf.Path:
-        """Write the node of an image. As all ``_write`` methods, return the path of the node's output."""
+        """Write the node of an image. Like all ``_write`` methods, return the path of the node's output."""
         node = self._define_node(name, "UsdUVTexture")
         node.CreateInput("file", _TYPES.Asset).Set(Sdf.AssetPath(relative_asset(image.file, self._stage)))
         color = image.channel == "rgb"
@@ -221,7 +225,7 @@ class MaskWriter:
         return _create_output(node, "result", {"float": _TYPES.Float, "float2": _TYPES.Float2}.get(kind, _TYPES.Float3))
 
     def _write_expression(self, name: str, mask: MaskExpression) -> Sdf.Path:
-        """Write the node of an expression and those of its inputs; raises as `write`."""
+        """Write the node of an expression and the nodes of its inputs; raises as `write`."""
         node = self._define_node(name, "LookdevExpression")
         node.CreateInput("expression", _TYPES.String).Set(mask.expression.text)
         kinds: dict[str, ExpressionKind] = {}
@@ -250,7 +254,7 @@ class MaskWriter:
         return _create_output(node, "result", _TYPES.Float if result == "float" else _TYPES.Color3f)
 
     def _define_node(self, name: str, shader_id: str) -> UsdShade.Shader:
-        """Define a shader in the scope, with a number after its name where that is in use."""
+        """Define a shader in the scope; a number follows the name where the name is in use."""
         shader = UsdShade.Shader.Define(self._stage, free_path(self._stage, self._scope, name))
         shader.CreateIdAttr(shader_id)
         return shader

@@ -23,7 +23,7 @@ def clear_input(attribute: Usd.Attribute) -> None:
 
 
 def free_path(stage: Usd.Stage, scope: Sdf.Path, name: str) -> Sdf.Path:
-    """Return the path of a new child of `scope`: `name`, with a number where it is in use, also inside a variant."""
+    """Return the path of a new child of `scope`: `name`, with a number if the name is in use, also in a variant."""
     used_paths = {path.StripAllVariantSelections() for path in layer_paths(stage.GetRootLayer())}
     path, number = scope.AppendChild(name), 2
     while path in used_paths or stage.GetPrimAtPath(path):
@@ -78,9 +78,9 @@ def find_upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribut
 def remove_unused(
     material: UsdShade.Material, candidates: Iterable[Sdf.Path], targets: Sequence[Sdf.Path] = ()
 ) -> None:
-    """Remove those of the candidate prims that the edited file defines and to which nothing else is connected.
+    """Remove the candidate prims that the edited file defines and to which nothing else is connected.
 
-    The prims of `targets`, paths of outputs, count as used. A prim that only another removed one uses is removed too.
+    The prims of `targets`, paths of outputs, count as used. A prim that only removed prims use is removed, too.
     """
     stage = material.GetPrim().GetStage()
     root = stage.GetRootLayer()
@@ -100,7 +100,7 @@ def remove_unused(
 
 
 def _all_connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
-    """Yield all connections as pairs of paths (input, source), including those in variants that are not selected."""
+    """Yield all connections as pairs of paths (input, source), also connections in variants that are not selected."""
     for prim in stage.TraverseAll():
         for attribute in prim.GetAttributes():
             for target in attribute.GetConnections():

@@ -25,8 +25,9 @@ def set_source(
 ) -> None:
     """Set the source of the parameter `name` of a layer, and write its nodes beside the layer's shader.
 
-    Nodes that only the old source used are removed. An input of an expression for which `source` states nothing keeps
-    the source that it had in the old expression. Raises ModelError for a parameter that cannot have a source.
+    Nodes that only the old source used are removed. If `source` is an expression and states nothing for one of its
+    inputs, this input keeps its source from the old expression. Raises ModelError for a parameter that cannot have a
+    source.
     """
     with edit_material(file, prim, variants) as material:
         shader, parameter = _find_parameter(material, layer, name)
@@ -52,7 +53,7 @@ def unset_parameter(file: Path, layer: str, name: str, prim: str | None = None, 
             raise LookError.at(file, shader.GetPath(), f"does not state '{name}'")
         replace_source(material, attribute, shader.GetPath().GetParentPath(), "", None)
         _remove_property(shader.GetPrim(), f"inputs:{name}")
-        # The attribute still exists if another file states it.
+        # The attribute still exists if another file states it, too.
         remaining = shader.GetPrim().GetAttribute(f"inputs:{name}")
         if remaining and remaining.HasAuthoredConnections():
             remaining.SetConnections([])

@@ -1,8 +1,8 @@
 """Writes the preview of a look: a UsdPreviewSurface that approximates it in other USD viewers.
 
-`Model.preview` of a layer's model converts the layer to inputs of UsdPreviewSurface. These are blended over the layers
-by mask and presence. A value that varies is replaced by its mean over texture coordinates in [0, 1]². A layer in mode
-"transmit" becomes a clear coat that tints the layers beneath.
+`Model.preview` of a layer's model converts the layer to inputs of UsdPreviewSurface. The inputs of all layers are
+blended by mask and presence. A value that varies is replaced by its mean over texture coordinates in [0, 1]². A layer
+in mode "transmit" becomes a clear coat that tints the layers beneath.
 
 The preview follows a layer with more than half of the weight: if the layer takes an input from a texture, a primvar or
 an interface input of the material, the preview's input is connected to the same source, also in other variants.
@@ -32,18 +32,19 @@ from lookdev.material.values import SourceValues, presence
 # The inputs of UsdPreviewSurface that are written, with their types.
 _FLOATS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "ior", "opacity")
 _TYPES = {"diffuseColor": Sdf.ValueTypeNames.Color3f} | dict.fromkeys(_FLOATS, Sdf.ValueTypeNames.Float)
-# The defaults of UsdPreviewSurface, for inputs that a model's preview does not set. "f0" belongs to its `ior` of 1.5.
+# The defaults of UsdPreviewSurface, for inputs that a model's preview does not set. The value of "f0" is the
+# reflectance at normal incidence for the default `ior`, 1.5.
 _DERIVED_DEFAULTS: dict[str, Real] = {"clearcoat": 0.0, "clearcoatRoughness": 0.01, "f0": 0.04, "opacity": 1.0}
 _DEFAULTS = {"diffuseColor": np.full(3, 0.18), "metallic": np.asarray(0.0), "roughness": np.asarray(0.5)}
 
-_MAX_F0 = 0.9  # an index of refraction of 38
+_MAX_F0 = 0.9  # of an index of refraction of 38
 
 
 class _Grid(ImagePoints):
     """A grid of (32, 32) points in the unit square of texture coordinates, over which values of a look are averaged.
 
-    Primvars have their fallbacks. Each point is seen at another cosine. Together, these cosines are distributed as
-    those over the image of a sphere.
+    Primvars have their fallbacks. Each point is seen at another cosine. Together, these cosines are distributed as over
+    the image of a sphere.
     """
 
     st: Floats = np.stack(np.meshgrid(*[(np.arange(32) + 0.5) / 32] * 2), axis=-1)
@@ -126,7 +127,7 @@ def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
 def _preview_connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> list[Sdf.Path]:
     """Return the connections to copy for an input of the preview; [] where the input gets a constant.
 
-    They are those of the layer's parameter of the same meaning, if the layer has more than half of the weight.
+    If a layer has more than half of the weight, they are the connections of the layer's parameter of the same meaning.
     """
     # `covers` has the share of the layers beneath that each layer covers. `weights` has the share of each layer in the
     # result: its cover times 1 minus the cover of each layer above.

@@ -1,8 +1,8 @@
 """Reads and changes the layer stack of a look in USD: the LookdevLayers shader and its inputs, for the edits of looks.
 
 The inputs of layer 2, for instance, are ``layer2``, which is connected to the shader of the layer, and ``layer2Mask``,
-``layer2Enabled`` and ``layer2Mode``. The base is number 0 and has the input ``base`` only. The name of a layer is that
-of its shader prim.
+``layer2Enabled`` and ``layer2Mode``. The base is number 0 and has the input ``base`` only. The name of a layer is the
+name of its shader prim.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ LAYER_PARTS = ("", "Mask", "Enabled", "Mode")
 class Stack:
     """The LookdevLayers shader of a look.
 
-    `network` reads its inputs, and `prim` is the shader's prim. `base` is the name of the base layer, and `layers` has
-    the names of the layers over it by number.
+    `network` reads the inputs of the shader, and `prim` is the shader's prim. `base` is the name of the base layer, and
+    `layers` has the names of the layers over it by number.
     """
 
     network: Network
@@ -109,7 +109,7 @@ class Stack:
             matches = ((LAYER_INPUT.fullmatch(spec.name.removeprefix("inputs:")), spec) for spec in prim.properties)
             specs = [(int(match[1]), match[2] or "", spec) for match, spec in matches if match]
             renumbered = [(order[number], part, spec) for number, part, spec in specs if number in order]
-            # First to temporary names: the new ones may still be in use.
+            # Inputs first get temporary names, because the new names may still be in use.
             for number, part, spec in renumbered:
                 if number:
                     spec.name = f"inputs:lookdevMoved{number}{part}"
@@ -136,7 +136,8 @@ class LayerEntry:
 class LookOutline:
     """All layers of a look, enabled or not, and the variant sets of its material.
 
-    `variants` has the pair (names of the variants, selected variant) of each set by name.
+    `entries` begin with the base. `variants` maps the name of a set to the pair (names of its variants, selected
+    variant).
     """
 
     entries: tuple[LayerEntry, ...]
@@ -144,7 +145,7 @@ class LookOutline:
 
 
 def read_outline(file: Path, prim: str | None = None, variants: VariantChoice = None) -> LookOutline:
-    """Read the layers and variant sets of a look without its inputs; raises LookError where the file is not a look."""
+    """Read a look's layers, without their inputs, and variant sets; raises LookError where the file is not a look."""
     with open_material(file, prim, variants) as material:
         variant_sets = material.GetPrim().GetVariantSets()
         sets: dict[str, tuple[tuple[str, ...], str]] = {}
@@ -195,7 +196,7 @@ def require_surface(material: UsdShade.Material) -> OutputSource:
 
 
 def _network_of(material: UsdShade.Material) -> Network:
-    """Return a reader of the material's network, with an empty list of faults."""
+    """Return a new `Network` for the file of a material, without faults."""
     return Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
 
 
@@ -247,7 +248,8 @@ def author_stack(material: UsdShade.Material, base: Sdf.Path) -> None:
 def enabled_layers(material: UsdShade.Material) -> list[tuple[UsdShade.Shader, UsdShade.Shader, str]]:
     """Return triples (shader of the layer, shader of the stack, name of the mask's input) of the enabled layers.
 
-    The base is first. It has no mask, so its name is empty. The only layer of a look without a stack is its own stack.
+    The base is first. It has no mask, so the name of its mask's input is "". In a look without a stack, the shader of
+    the only layer is also returned as the shader of the stack.
     """
     surface, stack = require_surface(material).shader, find_stack(material)
     if stack is None:

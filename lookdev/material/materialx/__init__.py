@@ -1,6 +1,6 @@
 """Imports MaterialX documents as looks in USD: each surface of the model `disney_principled` becomes a Disney layer.
 
-The command ``lookdev materials import`` uses it. Inputs are carried over by name, and all losses are listed.
+The command ``lookdev materials import`` uses this package. Inputs are carried over by name, and all losses are listed.
 
 The node `disney_principled` has the parameters of Burley's BRDF. Its node graph in the MaterialX library approximates
 this BRDF by stock lobes; here the parameters have the meaning of Burley's paper. docs/materialx.md lists the
@@ -40,6 +40,7 @@ SURFACE_NODE = "disney_principled"
 
 _JOB_HINT = "the document itself, as 'material' of a look in a job, is read whatever its model"
 _PARAMETERS = DISNEY.parameters
+# Why inputs of a `disney_principled` that a Disney layer does not have are lost, by name.
 _LOSS_REASONS = {
     "specTrans": "a LookdevDisney layer lets no light through",
     "ior": "it bends the light of specTrans; what is reflected at normal incidence is specular's",
@@ -51,7 +52,7 @@ _TYPES = Sdf.ValueTypeNames
 
 @dataclass(frozen=True)
 class ImportedMaterial:
-    """A surfacematerial of a document as one Disney layer. `inputs` has the values that differ from its defaults."""
+    """A surfacematerial of a document as one Disney layer. `inputs` has values other than the layer's defaults."""
 
     name: str
     inputs: dict[str, DocumentValue]
@@ -175,7 +176,7 @@ def _unique_name(name: str, used_names: set[str]) -> str:
 class _Writer:
     """Writes one material as prims of a stage. `source` is the document, and `target` the USD file.
 
-    `_written` has the nodes that are written, which several inputs may share: by image, primvar or name of a UV set.
+    `_written` maps an image, a primvar or the name of a UV set to its written node, which several inputs may share.
     """
 
     def __init__(self, stage: Usd.Stage, name: str, source: Path, target: Path) -> None:
@@ -200,7 +201,10 @@ class _Writer:
                 _set_input(layer_input, self._write_primvar(value, kind) if isinstance(value, Primvar) else value)
 
     def _define_node(self, name: str, shader_id: str, **inputs: object) -> UsdShade.Shader:
-        """Define a node that USD defines, with constant or connected inputs, and return its shader."""
+        """Define a shader with `inputs`, each a constant or an output to connect, and return it.
+
+        USD's registry of shaders states the types of the inputs.
+        """
         path = self._material.GetPath().AppendChild(_unique_name(name, self._names))
         shader = UsdShade.Shader.Define(self._material.GetPrim().GetStage(), path)
         shader.CreateIdAttr(shader_id)
@@ -232,7 +236,7 @@ class _Writer:
         return output
 
     def _write_primvar(self, primvar: Primvar, kind: str) -> UsdShade.Output:
-        """Return the output of the node that reads a primvar, written if missing; `kind` is that of the parameter."""
+        """Return the output of the node that reads a primvar, written if missing; `kind` is the parameter's kind."""
         result = "float" if kind == "float" else "float3"
         if primvar not in self._written:
             inputs = {"varname": primvar.name, "fallback": primvar.fallback}
@@ -240,7 +244,7 @@ class _Writer:
         return self._written[primvar].CreateOutput("result", _TYPES.Find(result))
 
     def _relative_asset(self, file: str) -> Sdf.AssetPath:
-        """Return the path of an image for the written file, to which a relative path becomes relative."""
+        """Return the path of an image for the written file: a relative path becomes relative to that file."""
         is_absolute = PurePosixPath(file).is_absolute()
         return Sdf.AssetPath(file if is_absolute else relative_path(self._source.parent / file, self._target.parent))
 

@@ -1,8 +1,8 @@
 """Reads the inputs of a shader in a MaterialX document that is imported: constants, and nodes for images and primvars.
 
-Some nodes may lie between: those that select a channel of an image, or that place its texture coordinates. Where a
-value cannot be carried over, the functions return None or a default, and the network gets a *loss*. A *fault* is an
-error of the document itself.
+Between the shader and an image, nodes may select a channel of the image or place its texture coordinates. Where a value
+cannot be carried over, the functions return None or a default, and the network gets a *loss*. A *fault* is an error of
+the document itself.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _RGBA: tuple[Channel, ...] = ("r", "g", "b", "a")
 # The channels of an image by MaterialX's names: indices, letters of colours and letters of vectors.
 _CHANNELS = {name: channel for names in ("0123", "rgba", "xyzw") for name, channel in zip(names, _RGBA, strict=True)}
 
-_INDEX = re.compile(r"0|[1-9][0-9]?")  # of a UV set
+_INDEX = re.compile(r"0|[1-9][0-9]?")  # the index of a UV set
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class Transform2d:
 class ImageNode:
     """An image with its texture coordinates.
 
-    `name` is the name of the node. `file` is a path relative to the document. `st` is the name of the UV set, to which
-    `transforms` apply one after another, the first one first.
+    `name` is the name of the node. `file` is a path relative to the document. `st` is the name of the UV set.
+    `transforms` apply to its coordinates one after another, the first one first.
     """
 
     name: str
@@ -162,7 +162,8 @@ def _read_rgb(network: DocumentNetwork, source: PortSource) -> ImageChannel | No
 def _read_channel(network: DocumentNetwork, port: mx.Input) -> ImageChannel | None:
     """Return the value of a float input from an image of floats, or from one channel of another image.
 
-    The channel is selected by the connection's attribute ``channels``, or by a node between. None for other sources.
+    The channel is selected by the connection's attribute ``channels``, or by a node before the image. The result is
+    None for other sources.
     """
     source = network.source_of(port)
     node, names, splitter = source.element, source.channels, None
@@ -254,7 +255,7 @@ def _read_coordinates(network: DocumentNetwork, image: mx.Node) -> tuple[str, tu
 
 
 def _read_place2d(network: DocumentNetwork, node: mx.Node) -> tuple[Transform2d, ...]:
-    """Return a place2d as transforms. NG_place2d_vector2 of MaterialX's library defines it; it rotates clockwise."""
+    """Return a place2d as transforms. It rotates clockwise, as NG_place2d_vector2 of MaterialX's library defines."""
     pivot, offset = (_read_pair(network, node, name, 0.0) for name in ("pivot", "offset"))
     scale = _read_pair(network, node, "scale", 1.0)
     rotate = node.getInput("rotate")
@@ -269,7 +270,7 @@ def _read_place2d(network: DocumentNetwork, node: mx.Node) -> tuple[Transform2d,
     if order not in ("0", "1"):
         network.add_fault(f"{node.getNamePath()}/operationorder", f"unknown value '{order:.40}'", "0 or 1")
     # Order 1 translates, rotates, then scales, which takes two transforms. Order 0 scales, rotates, then translates.
-    # The pivot is subtracted first and added last. (x, y) is the subtracted point after the rotation and the scaling.
+    # The pivot is subtracted first and added last. (x, y) is the subtracted point, scaled (order 0 only) and rotated.
     if order == "1":
         x, y = _rotate((pivot[0] + offset[0], pivot[1] + offset[1]), degrees)
         return Transform2d((1.0, 1.0), degrees, (0.0 - x, 0.0 - y)), Transform2d(inverse, 0.0, pivot)
@@ -309,7 +310,7 @@ def _read_pair(network: DocumentNetwork, node: mx.Node, name: str, default: floa
 
 
 def _read_floats(network: DocumentNetwork, holder: mx.PortElement, count: int) -> tuple[float, ...]:
-    """Parse the text of a port as `count` numbers; (), with a fault added, where it is not that."""
+    """Parse the text of a port as `count` numbers; (), with a fault added, for any other text."""
     numbers = _parse_numbers(holder.getValueString())
     if len(numbers) == count:
         return numbers
@@ -321,7 +322,7 @@ def _read_floats(network: DocumentNetwork, holder: mx.PortElement, count: int) -
 
 
 def _read_wrap(network: DocumentNetwork, node: mx.Node, name: str) -> Wrap:
-    """Return the wrap mode of an input of an image node; an unknown one is a fault."""
+    """Return the wrap mode of an input of an image node; an unknown mode is a fault."""
     mode = _read_text(network, node, name, "periodic")
     if mode not in _WRAPS:
         where = f"{node.getNamePath()}/{name}"
@@ -330,7 +331,7 @@ def _read_wrap(network: DocumentNetwork, node: mx.Node, name: str) -> Wrap:
 
 
 def _read_colorspace(network: DocumentNetwork, holder: mx.PortElement) -> Colorspace:
-    """Return the colour space of a value; for one that is neither sRGB nor linear Rec.709, add a loss."""
+    """Return the colour space of a value; add a loss for a space that is neither sRGB nor linear Rec.709."""
     name = holder.getActiveColorSpace()
     raw = name in ("raw", "none", "") or name.startswith(("lin_", "acescg"))
     if name not in ("srgb_texture", "lin_rec709", "raw", "none", ""):

@@ -22,7 +22,7 @@ from lookdev.safe_text import TextError, read_bytes
 class PortSource:
     """The source of a value: the `element` is the node that computes it, or the port that states it.
 
-    `output` is the name of the node's output and `channels` has letters of channels of its result; both may be empty.
+    `output` is the name of the node's output. `channels` has the letters of the selected channels. Both may be empty.
     """
 
     element: mx.TypedElement
@@ -166,7 +166,10 @@ class DocumentNetwork:
         return None
 
     def _graph_output(self, scope: mx.Element, graph: str, output: str) -> mx.Output | None:
-        """Return an output of the node graph `graph` in `scope` or the document; without a name, its only output."""
+        """Return an output of the node graph `graph` in `scope` or the document.
+
+        `output` is the name of the output; "" stands for the only output of the graph.
+        """
         container = scope.getChild(graph) or self.document.getChild(graph)
         if not isinstance(container, mx.NodeGraph):
             return None

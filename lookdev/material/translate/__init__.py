@@ -1,8 +1,8 @@
 """Foreign shading models (UsdPreviewSurface, OpenPBR, ...) and their translation to layers of our models.
 
 A `Layer` of a look may have the name of a foreign model as its model. When the look is evaluated,
-`lookdev.material.values.look_layers` replaces this layer by layers of our models. Its inputs may therefore be textures
-and expressions, and its constants fold in generated code, as those of any other layer.
+`lookdev.material.values.look_layers` replaces this layer by layers of our models. As for any other layer, inputs may
+therefore be textures and expressions, and constants fold in generated code.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def layer_parameters(model: str) -> Mapping[str, Parameter]:
 def translate_layer(layer: StackLayer) -> list[StackLayer]:
     """Return the layers of our models to which a layer of a foreign model translates, base first.
 
-    They have all their parameters. A layer of our models is returned unchanged.
+    They have values for all parameters of their models. A layer of our models is returned unchanged.
     """
     if layer.model not in TRANSLATIONS:
         return [layer]

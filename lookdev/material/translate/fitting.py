@@ -4,8 +4,8 @@ Each fit is a rational function of one number from 0 to 1. Five of them are *mea
 directional albedo, weighted by the square of the view's cosine.
 
 - ``"lost"``: 1 minus the mean albedo of Disney's specular lobe with a Fresnel term of 1, as a function of alpha.
-- ``"hidden"``: how much larger this mean albedo is with the height-correlated shadowing of other models, as a function
-  of alpha.
+- ``"hidden"``: how much larger the mean albedo of this lobe is with the height-correlated shadowing of other models,
+  as a function of alpha.
 - ``"sheen"``: the mean albedo of MaterialX's `sheen_bsdf` in mode ``conty_kulla`` (Estevez and Kulla 2017), as a
   function of its roughness.
 - ``"fuzz"``: the same in mode ``zeltner`` (Zeltner, Burley and Chiang 2022).
@@ -56,7 +56,7 @@ def overshadowed_energy(alpha: float) -> float:
 def _lobe_albedo(view: Floats, alpha: float, *, correlated: bool) -> float:
     """Return the directional albedo of Disney's specular lobe for a direction `view` (3,), with a Fresnel term of 1.
 
-    `correlated` replaces the lobe's separable shadowing by the height-correlated one.
+    `correlated` replaces the lobe's separable shadowing by height-correlated shadowing.
     """
     lobe = disney_lobe("specular", view, metallic=1.0, baseColor=WHITE, roughness=np.sqrt(alpha))
     wi, weight = half_vector_grid(view, max(alpha, 0.001), _CELLS)

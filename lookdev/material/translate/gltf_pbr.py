@@ -21,7 +21,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
     emerging_light, interface = lobes.mix_with_metal(
         color, lobes.Interface(f0, p["specular"], base_roughness), lobes.Interface(color, 1.0, base_roughness), metallic
     )
-    # glTF has no weight of sheen beside its colour: it is the largest channel, and `hue` the colour divided by it.
+    # glTF's sheen has a colour but no weight. Here the weight is the largest channel, and `hue` is colour / weight.
     weight = lobes.max_channel(p["sheen_color"])
     hue = scale(p["sheen_color"], 1.0 / np.where(weight > 0.0, weight, 1.0))
     emerging_light = lobes.color_under_sheen(
@@ -54,15 +54,16 @@ def _presence(p: Parameters) -> Real:
 
 
 def _disney_roughness(p: Parameters) -> tuple[Real, Real]:
-    """Return the parameters `roughness` and `anisotropic` with which Disney's lobe has the alphas of glTF's.
+    """Return the parameters `roughness` and `anisotropic` with which Disney's lobe has the alphas of glTF's lobe.
 
-    These are alpha_x = ``mix(roughness^2, 1, strength^2)`` and alpha_y = ``roughness^2``.
+    glTF's alphas are alpha_x = ``mix(roughness^2, 1, strength^2)`` and alpha_y = ``roughness^2``.
     """
     roughness, strength = p["roughness"], p["anisotropy_strength"]
     alpha_y = np.maximum(roughness * roughness, 1e-5)
     alpha_x = mix(alpha_y, 1.0, strength * strength)
     quotient = alpha_y / alpha_x
-    # In Disney's lobe, the quotient is 1 - 0.9 anisotropic, so at least 0.1. Where glTF's is smaller, alpha_y is kept.
+    # In Disney's lobe, the quotient is 1 - 0.9 anisotropic, so at least 0.1. If glTF's quotient is smaller, only
+    # alpha_y is kept.
     aspect2 = np.maximum(quotient, 0.1)
     return np.sqrt(alpha_y / np.sqrt(aspect2)), (1.0 - aspect2) * (1.0 / 0.9)
 

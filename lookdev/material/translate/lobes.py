@@ -26,7 +26,7 @@ FITS_FILE = Path(__file__).parent / "data" / "fits.json"
 """The file of fits, which `lookdev.material.translate.fitting` writes."""
 
 MIN_SQRT_F0_OF_UNIT_F90 = 0.2
-"""The smallest sqrt(f0) for which f90 of a dielectric is 1: that of an index of refraction of 1.5.
+"""The smallest sqrt(f0) for which f90 of a dielectric is 1; the index of refraction is then 1.5.
 
 f0 and f90 are the reflectances at normal and at grazing incidence of Schlick's term.
 """
@@ -34,7 +34,7 @@ f0 and f90 are the reflectances at normal and at grazing incidence of Schlick's 
 WHITE: Array = np.ones(3)
 """The colour white."""
 
-# The cosine at which Schlick's weight is its cosine-weighted mean over the hemisphere, 1/21.
+# The cosine at which Schlick's weight equals its own cosine-weighted mean over the hemisphere, 1/21.
 _MEAN_COSINE: Array = np.asarray(1.0 - 21.0 ** (-0.2))
 # Below this alpha, less than 0.004 of the light is scattered several times.
 _MIN_SCATTERING_ALPHA = 0.03
@@ -46,13 +46,13 @@ def load_fit(name: str) -> Rational:
 
 
 def f0_of_ior(ior: Real) -> Real:
-    """Return a dielectric's reflectance at normal incidence, (...), for its index of refraction (...), at least 0."""
+    """Return a dielectric's reflectance at normal incidence, (...), for its index of refraction (...) >= 0."""
     root = (1.0 - ior) / (1.0 + ior)
     return root * root
 
 
 def f90_of_f0(f0: Real) -> Real:
-    """Return f90, (...), of the Schlick term closest to the Fresnel term of a dielectric with `f0`: fit ``"edge"``."""
+    """Return f90, (...), of the Schlick term closest to the Fresnel term of a dielectric with `f0` (fit ``"edge"``)."""
     share = np.minimum(np.sqrt(f0) * (1.0 / MIN_SQRT_F0_OF_UNIT_F90), 1.0)
     return np.where(share > 0.999, 1.0, np.clip(load_fit("edge")(share), 0.0, 1.0))
 
@@ -68,7 +68,7 @@ def base_layer(
     """Return the layer beneath the coats, which reflects and transmits light of a colour (..., 3).
 
     The share `clear` of the light passes straight through, refracted by `ior` as in a thin shell. The rest is scattered
-    as by Lambert's surface, and the share `back` of the rest to the other side. The layer has no interface that
+    as by Lambert's surface; the share `back` of the rest goes to the other side. The layer has no interface that
     reflects.
     """
     zero = np.asarray(0.0)
@@ -135,7 +135,7 @@ class Interface:
     def mean_withheld(self) -> Real:
         """Return, approximately, the share of light (...) that the coat withholds from the base, averaged over views.
 
-        It is the share that the lobe of `coat` reflects, without `scattered_light`.
+        The share is the light that the lobe of `coat` reflects. It does not include `scattered_light`.
         """
         # `grazing` is the mean albedo with Schlick's weight, (1 - cosine)^5, as the Fresnel term.
         grazing = ggx_reflectance(_MEAN_COSINE, np.maximum(self.roughness * self.roughness, 0.001), np.zeros(()))
@@ -168,7 +168,7 @@ class Interface:
         return scale(color, 1.0 - self.mean_withheld() - mean(scattered)) + scattered
 
     def mix_with(self, other: Interface, weight: Real) -> Interface:
-        """Return the mixture with another interface of the same roughness, which has the weight `weight` (...)."""
+        """Return the mixture with `other`, of the same roughness. The weight of `other` is `weight`, (...)."""
         return Interface(mix_color(self.f0, other.f0, weight), mix(self.f90, other.f90, weight), self.roughness)
 
     def tint_by(self, tint: Array) -> Interface:
@@ -182,7 +182,7 @@ def mix_with_metal(
     """Mix a dielectric over a diffuse colour, (..., 3), with a metal.
 
     Returns the diffuse light, (..., 3), that emerges through the interface (see `Interface.emerging_light`), and the
-    mixed interface. `metalness`, (...), is the share of the metal; `weight`, (...), multiplies its reflection.
+    mixed interface. `metalness`, (...), is the share of the metal; `weight`, (...), multiplies the metal's reflection.
     """
     emerging_light = dielectric.emerging_light(color)
     if not are_equal(metalness, 0.0):
@@ -210,9 +210,9 @@ def base_and_coat(
     emerging_light : (..., 3)
         The diffuse light that leaves the base through the coat.
     presence, coat_presence : (...)
-        The presence of the base, and that of the coat, by default the same.
+        The presence of the base and the presence of the coat, by default the same.
     roughness : (...)
-        The roughness of the coat if it is anisotropic; by default that of `interface`.
+        The roughness of the coat if it is anisotropic; by default the roughness of `interface`.
     back, clear, ior : (...)
         As in `base_layer`.
     """
@@ -242,8 +242,8 @@ def disney_anisotropy(anisotropy: Real) -> Real:
 def color_under_sheen(color: Array, weight: Real, sheen: Array, name: str, roughness: Real) -> Array:
     """Return the diffuse colour (..., 3) that replaces a colour (..., 3) under a lobe of sheen, averaged over views.
 
-    The sheen has the weight `weight` (...) and the colour `sheen` (..., 3). `name` is the fit of its mean albedo, a
-    function of its `roughness`.
+    The sheen has the weight `weight` (...) and the colour `sheen` (..., 3). `name` is the fit of the sheen's mean
+    albedo, a function of `roughness` (...).
     """
     if are_equal(weight, 0.0):
         return color

@@ -64,7 +64,8 @@ def _diffuse(p: Parameters) -> Array:
 
 def _ior(p: Parameters) -> Real:
     """Return the effective index of refraction of the dielectric, under the coat and scaled by the specular weight."""
-    # Beneath a coat, the relative index counts; if it is below 1, its inverse. The weight scales f0, not the index.
+    # Beneath a coat, the index relative to the coat counts, or its inverse if it is below 1. The weight scales f0, not
+    # the index.
     quotient = p["specular_ior"] / np.maximum(p["coat_ior"], 1e-3)
     coated_ior = np.maximum(quotient, 1.0 / np.maximum(quotient, 1e-3))
     f0 = p["specular_weight"] * lobes.f0_of_ior(mix(p["specular_ior"], coated_ior, p["coat_weight"]))
@@ -82,7 +83,8 @@ def _coated_roughness(p: Parameters) -> Real:
 def _tint(p: Parameters) -> Array:
     """Return the factor (..., 3) of the coat on the base's colour: the coat's colour, times a darkening.
 
-    The base appears darker under a coat, because it absorbs a part of the light that the coat's surface reflects back.
+    The base appears darker under a coat, because the base absorbs a part of the light that the coat's surface reflects
+    back.
     """
     # `internal` approximates the reflectance of the coat's surface for diffuse light from below.
     internal = 1.0 - (1.0 - lobes.f0_of_ior(p["coat_ior"])) / np.maximum(p["coat_ior"] * p["coat_ior"], 1e-6)
@@ -95,13 +97,14 @@ def _tint(p: Parameters) -> Array:
 
 
 def _disney_roughness(roughness: Real, anisotropy: Real) -> tuple[Real, Real]:
-    """Return the parameters `roughness` and `anisotropic` with which Disney's lobe has the alphas of OpenPBR's.
+    """Return the parameters `roughness` and `anisotropic` with which Disney's lobe has the alphas of OpenPBR's lobe.
 
-    For an anisotropy a, they are ``alpha_x = roughness^2 sqrt(2 / (1 + (1 - a)^2))`` and ``alpha_y = (1 - a) alpha_x``.
+    For an anisotropy a, OpenPBR's alphas are:
+    ``alpha_x = roughness^2 sqrt(2 / (1 + (1 - a)^2))`` and ``alpha_y = (1 - a) alpha_x``.
     """
     aspect = 1.0 - anisotropy
     squared_scale = 2.0 / (1.0 + aspect * aspect)
-    # Disney's roughness is the fourth root of the product of the alphas. Its alphas have a ratio of at most ten.
+    # Disney's roughness is the fourth root of the product of the alphas. Disney's alphas have a ratio of at most ten.
     return roughness * np.sqrt(np.sqrt(squared_scale * np.maximum(aspect, 0.1))), lobes.disney_anisotropy(anisotropy)
 
 

@@ -38,7 +38,7 @@ def _layers(p: Parameters) -> list[StackLayer]:
 
 
 def _presence(p: Parameters) -> tuple[Real, Real]:
-    """Return two presences (...) of the surface: that of the diffuse base, and that of the reflecting coats.
+    """Return the presence (...) of the diffuse base, and the presence (...) of the reflecting coats.
 
     With an opacity threshold, points are either opaque or absent.
     """

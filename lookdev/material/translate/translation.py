@@ -62,8 +62,8 @@ class Translation:
     library
         The name of the file, in MaterialX's library of surface shaders, that defines the node.
     layers
-        The function from all foreign parameters to layers of our models, base first. The layers have those parameters
-        that differ from their models' defaults, within their hard ranges. The base has mode ``"over"``; the others are
+        The function from all foreign parameters to layers of our models, base first. A layer has only the parameters
+        that differ from its model's defaults, within their hard ranges. The base has mode ``"over"``; the others are
         coats on the base. The function is plain NumPy, which code generation traces.
     loss_reasons
         The losses of the translation, by the name of the input that is lost.
@@ -87,14 +87,14 @@ class Translation:
         in the frame of tangent, bitangent and shading normal. Tangents are not read.
         """
         definition = self.identifier if self.identifier.startswith("ND_") else f"ND_{self.identifier}_surfaceshader"
-        # Not at the top: this imports USD, and a job starts its worker first.
+        # The import is here, not at the top, because it loads USD. A job starts its worker before it loads USD.
         from lookdev.mtlx import library_inputs
 
         ports = library_inputs(self.library, definition)
         return {name: _read_parameter(name, port) for name, port in ports.items()} | dict(self.overrides)
 
     def losses(self, inputs: Mapping[str, Input]) -> Iterator[tuple[str, str]]:
-        """Yield pairs (name, reason) for the inputs that are lost, wholly or in part; `inputs` are all that are set."""
+        """Yield pairs (name, reason) for the inputs that are lost, wholly or in part; `inputs` has all set inputs."""
         for name, value in inputs.items():
             loss = self.loss_reasons.get(name)
             if loss is None or value == self.parameters[name].default:

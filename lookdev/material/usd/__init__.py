@@ -65,7 +65,7 @@ def read_look(
     variants
         The variants to select, by set. Other sets keep the file's selections.
     name
-        The name of the look, by default that of the material.
+        The name of the look, by default the name of the material.
     open_images
         Whether to read the header of every image now. Otherwise, an unreadable image is an error only when it is
         needed.
@@ -89,7 +89,7 @@ def read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Look:
 
 
 def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
-    """Return the faults of the shader of a layer that is not part of a look, such as a preset, in the file `file`."""
+    """Return the faults of a layer's shader in `file`, where the layer is not part of a look, such as a preset."""
     network = Network(file)
     with usd_errors_as_faults(file):
         _read_layer(network, layer.GetIdAttr(), OutputSource(layer, "layer"), 1.0, "over")
@@ -121,7 +121,7 @@ def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -
 
 
 def _variant_names(file: Path, prim: str | None, selection: Mapping[str, str], set_name: str) -> list[str]:
-    """Return the variants that a set has if `selection` is selected, where ``"*"`` selects nothing."""
+    """Return the variants that a set has while `selection` is selected; a ``"*"`` in it selects no variant."""
     network, stage = Network(file), open_stage(file)
     path = find_material(network, stage, prim, {name: choice for name, choice in selection.items() if choice != "*"})
     sets = {} if path is None else variant_sets(stage, path)
@@ -135,7 +135,7 @@ def _variant_names(file: Path, prim: str | None, selection: Mapping[str, str], s
 def variant_sets(stage: Usd.Stage, path: Sdf.Path) -> dict[str, Usd.VariantSet]:
     """Return the variant sets, by name, of the prim at a path and of all prims above it.
 
-    Where several prims have a set of the same name, that of the lowest prim is returned.
+    Where several prims have a set of the same name, the set of the lowest prim is returned.
     """
     prims = [prim for prefix in path.GetPrefixes() if (prim := stage.GetPrimAtPath(prefix))]
     return {name: prim.GetVariantSet(name) for prim in prims for name in prim.GetVariantSets().GetNames()}
@@ -148,9 +148,10 @@ def _add_unknown_set_fault(network: Network, path: Sdf.Path, name: str, set_name
 
 
 def read_look_at(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str | None) -> Look:
-    """Read the look of the material at a path, or None, that `find_material` has returned.
+    """Read the look of the material at `path`, the result of `find_material`.
 
-    `name` is the name of the look, by default the material's. Raises LookError with all faults of the network.
+    `name` is the name of the look, by default the material's. Raises LookError with all faults of the network, also
+    where `path` is None.
     """
     check_composition(network, stage, path)
     if path is None:
@@ -163,7 +164,7 @@ def read_look_at(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name
 
 
 def check_composition(network: Network, stage: Usd.Stage, path: Sdf.Path | None) -> None:
-    """Add USD's composition errors as faults: those at prims above, at and below `path`, or all where it is None."""
+    """Add USD's composition errors as faults: errors at prims above, at and below `path`, or all if `path` is None."""
     for error in stage.GetCompositionErrors():
         site = error.rootSite.path
         # USD states no site for an asset path with a variable expression that it cannot evaluate.
@@ -172,7 +173,7 @@ def check_composition(network: Network, stage: Usd.Stage, path: Sdf.Path | None)
 
 
 def find_material(network: Network, stage: Usd.Stage, prim: str | None, variants: Mapping[str, str]) -> Sdf.Path | None:
-    """Select the variants, and return the path of the material that `prim` or the file's default names.
+    """Select the variants, and return the path of the material `prim`, by default the file's default or only material.
 
     Returns None, with a fault added, where there is no such material.
     """
@@ -216,7 +217,7 @@ def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
 
 def _select_variants(network: Network, stage: Usd.Stage, path: Sdf.Path, variants: Mapping[str, str]) -> None:
     """Select variants on the session layer; add a fault for each set or variant that does not exist."""
-    # A set inside a variant exists only when this variant is selected: select those sets first that exist.
+    # A set inside a variant exists only while this variant is selected. Sets that exist are therefore selected first.
     pending = dict(variants)
     while ready := pending.keys() & (sets := variant_sets(stage, path)).keys():
         name = min(ready)
@@ -236,7 +237,7 @@ def _layer_shader_names() -> str:
 
 
 def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer, ...]:
-    """Return the layers of a material, base first; with faults added, some may be missing."""
+    """Return the layers of a material, base first. Layers with faults may be missing; their faults are added."""
     terminal = material.GetPath().AppendProperty(TERMINAL)
     attribute = material.GetPrim().GetAttribute(TERMINAL)
     source = network.follow(attribute) if attribute else None
@@ -311,7 +312,7 @@ def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) ->
 
 
 def _check_tokens(network: Network, attribute: Usd.Attribute, layer: Layer, base: Layer) -> None:
-    """Add a fault for each token that a layer must share with the base, which has the same model, but does not."""
+    """Add a fault for each token in which a layer must agree with the base, of the same model, but differs."""
     for name, parameter in MODELS[layer.model].parameters.items():
         token, base_token = (stack_layer.inputs.get(name, parameter.default) for stack_layer in (layer, base))
         if parameter.kind == "token" and parameter.agreement == "alike" and token != base_token:
@@ -326,7 +327,7 @@ def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
 
 
 def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask, mode: Mode) -> Layer | None:
-    """Return the layer to which an input of the stack is connected; None, with a fault added, where it is not."""
+    """Return the layer to which an input of the stack is connected; None, with a fault added, where there is none."""
     source = network.follow(attribute)
     if isinstance(source, OutputSource):
         return _read_layer(network, attribute, source, mask, mode)
@@ -343,9 +344,10 @@ def _read_layer(
     mode: Mode,
     others: tuple[str, ...] = (),
 ) -> Layer | None:
-    """Read the layer of a shader, to whose output `attribute` is connected; None for another kind of shader.
+    """Read the layer of the shader `source`; None, with a fault added, where it is not the shader of a layer.
 
-    `others` are identifiers of shaders, besides those of layers, for the hint of the fault.
+    `attribute` is the input or output that is connected to `source`. `others` are identifiers of shaders, other than
+    those of layers, to which `attribute` may be connected, for the hint of the fault.
     """
     model = layer_shaders().get(identifier := shader_id(source.shader))
     if model is None:
@@ -374,7 +376,7 @@ def _read_layer(
 
 
 def _read_displacement(network: Network, material: UsdShade.Material) -> Displacement | None:
-    """Return the displacement of a material; None where it has none or, with a fault added, a wrong one."""
+    """Return the displacement of a material; None where there is none or, with a fault added, where it is wrong."""
     terminal = material.GetPrim().GetAttribute(_DISPLACEMENT)
     if not terminal:
         return None

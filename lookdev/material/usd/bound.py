@@ -30,7 +30,7 @@ from lookdev.stage import Composed, open_stage, usd_errors_as_faults
 GREY_LAYER = Layer("Grey", "disney", {"baseColor": (0.18, 0.18, 0.18)})
 """The layer of a look that replaces a material which cannot be read."""
 
-# The outputs of a material for each purpose, in the order of preference: those for MaterialX before those for all.
+# The outputs of a material for each purpose, in the order of preference: first for MaterialX, then for all.
 _SURFACE_TERMINALS = ("outputs:mtlx:surface", "outputs:surface")
 _DISPLACEMENT_TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")
 _VOLUME_TERMINALS = ("outputs:mtlx:volume", "outputs:volume")
@@ -58,8 +58,8 @@ def read_bound_looks(composed: Composed, paths: Iterable[str]) -> dict[str, Boun
     Parameters
     ----------
     composed
-        The asset. Images that are missing or unreadable and have no fallback are errors if the `missing` of its
-        composition is "error". Otherwise `BoundLook.losses` lists them.
+        The asset. Images that are missing or unreadable and have no fallback are errors if
+        ``composed.composition.missing`` is "error". Otherwise `BoundLook.losses` lists them.
     paths
         Paths of materials. A material that cannot be read becomes `GREY_LAYER`, and `BoundLook.losses` has the reason.
 
@@ -125,7 +125,7 @@ def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
     Raises
     ------
     LookError
-        Its composition has errors, or its surface shader or images cannot be read.
+        The material's composition has errors, or its surface shader or images cannot be read.
     """
     material, network = _Material(file, str(path)), Network(file)
     with usd_errors_as_faults(file):
@@ -146,7 +146,7 @@ def _model_title(model: str) -> str:
 
 
 class _Material:
-    """Reads one foreign material, and collects its losses as faults of its network."""
+    """Reads one foreign material, and collects the losses as faults of `network`."""
 
     def __init__(self, file: Path, path: str) -> None:
         self.path = path
@@ -190,10 +190,10 @@ class _Material:
                 self.network.add_external_fault(Fault(*line.split("\t")))
 
     def _read_surface(self, attribute: Usd.Attribute, depth: int) -> list[Layer]:
-        """Return the layers of the surface shader to which an input or an output of the material is connected.
+        """Return the layers of the surface shader to which `attribute` is connected.
 
-        `depth` counts the shaders before it in a row of connected ones. Raises NotCarriedError where the shader cannot
-        be read.
+        `attribute` is an output of the material, at `depth` 0, or an input of another surface shader. `depth` counts
+        the surface shaders from the output to `attribute`. Raises NotCarriedError where the shader cannot be read.
         """
         source = self.network.follow(attribute)
         if not isinstance(source, OutputSource):
@@ -223,7 +223,7 @@ class _Material:
         return attribute
 
     def _read_mix(self, source: OutputSource, depth: int) -> list[Layer]:
-        """Return the layers of a mix of two surface shaders: those of one, and over them the other with a mask."""
+        """Return the layers of a mix of two surface shaders: all layers of one, and over them the other with a mask."""
         beneath = self._read_surface(self._input_attribute(source, "bg"), depth + 1)
         above = self._read_surface(self._input_attribute(source, "fg"), depth + 1)
         mask = self.reader.read_term(source.shader.GetPrim().GetAttribute("inputs:mix"), 1) or _ZERO
@@ -365,10 +365,10 @@ class _Material:
             return None
 
 
-# The categories of surface shaders whose normals are in tangent space. UsdPreviewSurface has a displacement, too.
+# The categories of surface shaders whose normals are in tangent space. These shaders have a displacement, too.
 _TANGENT_SPACE_SHADERS = ("UsdPreviewSurface", "UsdPreviewSurface_surfaceshader")
 _PREVIEW_MODELS = ("preview_surface", "materialx_preview_surface")
-# The default of MaterialX's disney_principled that differs from that of our model.
+# The default of MaterialX's disney_principled that differs from our model's.
 _PRINCIPLED_DEFAULTS: Mapping[str, Input] = {"baseColor": (0.16, 0.16, 0.16)}
 _ZERO = NodeValue("0", 1, numbers=(0.0,))
 

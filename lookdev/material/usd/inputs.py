@@ -1,7 +1,7 @@
 """Reads the inputs of layers of `lookdev` in USD: constants, and nodes for textures, bumps, primvars and expressions.
 
-The functions return None where an input is unset. They also return None where it is wrong: then they add a fault to the
-network. Materials of other shading models are read by `lookdev.material.usd.bound`.
+The functions return None where an input is unset. Where an input is wrong, they add a fault to the network and return
+None. Materials of other shading models are read by `lookdev.material.usd.bound`.
 """
 
 from __future__ import annotations
@@ -37,9 +37,10 @@ from lookdev.material.usd.network import Network, OutputSource, asset_file, imag
 from lookdev.space import Color
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
-# The channels of a texture that an input can be connected to, by the kind of its parameter.
+# The channels of a texture that an input can be connected to, by the kind of the input's parameter.
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
-# The node that can be the source of an input of each kind. UsdUVTexture and LookdevExpression are sources of all kinds.
+# The node that can be the source of an input, by the kind of the input's parameter. UsdUVTexture and LookdevExpression
+# can be sources of all kinds.
 _SOURCE_NODES = {"float": "UsdPrimvarReader_float", "color": "UsdPrimvarReader_float3", "normal": "LookdevBump"}
 _MAX_DEPTH = 32  # nested expressions
 _IMAGE_HINT = "a path to an image, relative to the file that names it"
@@ -88,7 +89,7 @@ def _check_range(
             return None
         return value
     low, high = parameter.hard
-    # USD rounds constants to float32. One that is rounded from an end of the range becomes this end again.
+    # USD rounds constants to float32. A constant that is rounded from an end of the range becomes this end again.
     ends = {np.float32(end): end for end in parameter.hard}
     channels = (value,) if isinstance(value, float) else tuple(value)
     numbers = tuple(ends.get(np.float32(number), number) for number in channels)
@@ -135,7 +136,7 @@ def _read_formula(
 ) -> Formula | None:
     """Read an expression node and its sources. A node that several inputs of a kind share is read once.
 
-    `kind` is that of the parameter that the expression sets.
+    `kind` is the kind of the parameter that the expression sets.
     """
     if source.path in enclosing:
         network.add_fault(attribute, f"<{source.path}> reads its own result", "expressions must not run in a cycle")
@@ -260,7 +261,7 @@ def _read_height(network: Network, bump: OutputSource, attribute: Usd.Attribute)
 def _read_primvar(
     network: Network, attribute: Usd.Attribute, parameter: Parameter, source: OutputSource
 ) -> Primvar | None:
-    """Read a UsdPrimvarReader. Its fallback must be within the parameter's range."""
+    """Read a UsdPrimvarReader. The fallback must be within the parameter's range."""
     shader = source.shader
     network.check_node(attribute, source)
     name = _read_varname(network, shader)
@@ -322,7 +323,8 @@ def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
 def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> Coordinates | None:
     """Return the texture coordinates of the input `name` of a node: a UV set and a transform.
 
-    The transform is the product of those of all UsdTransform2d nodes between the input and the UV set's reader.
+    The transform is the product of the transforms of all UsdTransform2d nodes between the input and the UV set's
+    reader.
     """
     matrix = np.eye(3)
     path, seen = f"{shader.GetPath()}.inputs:{name}", set()

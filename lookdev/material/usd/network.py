@@ -25,23 +25,23 @@ TERMINAL = "outputs:lookdev:surface"
 """The output of a material that is connected to its stack of layers, or to its only layer."""
 
 LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
-"""Matches the names of the inputs of a LookdevLayers shader except ``base``: the number of a layer, and a part."""
+"""Matches the inputs of a LookdevLayers shader except ``base``. Group 1 is the layer's number, group 2 the suffix."""
 
-_MAX_FAULTS = 1000  # that are listed one by one
-_MAX_UNKNOWN_INPUTS = 100  # of one shader, that are reported one by one
+_MAX_FAULTS = 1000  # the most faults that are listed one by one
+_MAX_UNKNOWN_INPUTS = 100  # the most unknown inputs of one shader that are reported one by one
 _VECTORS = (Gf.Vec2f, Gf.Vec3f, Gf.Vec4f)
 
 
 @dataclass(frozen=True)
 class OutputSource:
-    """The shader and the name of its output that compute the value of an input."""
+    """A shader, and the name of its output. This output computes the value of an input."""
 
     shader: UsdShade.Shader
     output: str
 
     @property
     def path(self) -> Sdf.Path:
-        """Path of the shader prim."""
+        """The path of the shader's prim."""
         return self.shader.GetPath()
 
 
@@ -55,7 +55,7 @@ class Network:
         self.file = file
         self.opens_images = opens_images
         # The expressions that have been read, by the path of the node and the kind of the parameter: several inputs may
-        # share one. `depths` has the depth of nesting of each, by its id().
+        # share an expression. `depths` has the depth of nesting of an expression, by its id().
         self.formulas: dict[tuple[Sdf.Path, str], Formula | None] = {}
         self.depths: dict[int, int] = {}
         self._faults: list[Fault] = []
@@ -127,7 +127,7 @@ class Network:
     def read_value(self, attribute: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> object:
         """Return the constant that `holder`, the result of `follow`, has for `attribute`.
 
-        None where it is unset or, with a fault added, of another type, animated or not finite.
+        Returns None where the value is unset or, with a fault added, of another type, animated or not finite.
         """
         if not self.check_type(attribute, holder, expected):
             return None
@@ -186,7 +186,7 @@ class Network:
     def check_node(self, attribute: object, source: OutputSource, outputs: Sequence[str] = ("result",)) -> None:
         """Add faults of a node that USD defines: its unknown inputs, and an output that `attribute` cannot use.
 
-        `outputs` are the names of those that it can use.
+        `outputs` are the names of the outputs that `attribute` can use.
         """
         self.check_inputs(source.shader, _sdr_node(source.shader).GetShaderInputNames())
         if source.output not in outputs:

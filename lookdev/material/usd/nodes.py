@@ -18,7 +18,7 @@ from lookdev.material.usd.reader import UsdNode
 from lookdev.material.usd.terms import NodeValue, NotCarriedError, constant, convert_channels
 
 SOBEL_SCALE = 1.0 / 16.0
-"""The factor from a height map's slopes to those of heighttonormal, from mx_heighttonormal of MaterialX's library."""
+"""The factor from a height map's slopes to heighttonormal's slopes, from mx_heighttonormal of MaterialX's library."""
 
 
 class _Formula(NamedTuple):
@@ -33,7 +33,7 @@ class _Formula(NamedTuple):
     linear: tuple[str, ...] = ()
 
 
-# Inputs and their defaults that several nodes have.
+# Inputs that several nodes have, with their defaults.
 _PAIR = {"in1": 0.0, "in2": 0.0}
 _FACTORS = {"in1": 0.0, "in2": 1.0}
 _IN = {"in": 0.0}
@@ -224,7 +224,7 @@ def _ramp_reader(low: str, high: str, axis: int, *, is_split: bool = False) -> C
 
 
 def _read_noise(node: UsdNode) -> NodeValue:
-    """Read a noise2d or cellnoise2d as the noise of expressions: of the same scale and range, with another pattern."""
+    """Read a noise2d or cellnoise2d as the noise of expressions, of the same scale and range but another pattern."""
     uv = sampling.read_coordinates(node, "texcoord")
     x, y = (node.terms.channel(uv, index) for index in (0, 1))
     node.reader.network.add_fault(node.path, f"{node.identifier} has another pattern here, of the same scale")

@@ -1,6 +1,6 @@
 """Reads the networks of materials of foreign shading models: the values of inputs, be they constants or from nodes.
 
-A value is *carried over* if a look can have it. Otherwise NotCarriedError is raised. Its reason becomes a fault of the
+A value is *carried over* if a look can have it. Otherwise NotCarriedError is raised. The reason becomes a fault of the
 network; the material is still read, and the input has its default. The modules `nodes` and `sampling` read the single
 kinds of nodes.
 """
@@ -24,10 +24,11 @@ ConstantValue: TypeAlias = "tuple[float, ...] | str | Sdf.AssetPath"
 """The constant of an attribute: numbers, text or a file."""
 
 _MAX_DEPTH = 64  # nodes connected in a row
-# The number of channels by the type that ends a node's identifier. "float2" comes before "float", which it begins with.
+# The number of channels by the type that ends a node's identifier. The longer "float2" must come before "float".
 _WIDTHS = {"float2": 2, "float3": 3, "float4": 4, "float": 1, "integer": 1, "boolean": 1}
 _WIDTHS |= {"vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
-# How the words of an identifier begin that are types. Surface shaders keep theirs in their category.
+# A word of an identifier is a type if it begins with one of these. "surfaceshader" is not among them: it stays in the
+# category of a node.
 _TYPES = (*_WIDTHS, "multioutput", "displacementshader")
 _NUMBERS = (bool, int, float, Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, Gf.Vec4d, Gf.Vec2h, Gf.Vec3h, Gf.Vec4h)
 
@@ -35,8 +36,8 @@ _NUMBERS = (bool, int, float, Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, 
 class Reader:
     """Reads values of inputs in the network of one material.
 
-    `node_readers` has the function that reads a node by the node's category. `terms` makes the values. `missing` lists
-    images that are missing or unreadable and have no fallback; they are not among the faults of the network.
+    `node_readers` maps the category of a node to the function that reads the node. `terms` makes the values. `missing`
+    lists images that are missing or unreadable and have no fallback; they are not among the faults of the network.
     """
 
     def __init__(self, network: Network, node_readers: Mapping[str, Callable[[UsdNode], NodeValue]]) -> None:
@@ -47,7 +48,7 @@ class Reader:
         self._node_readers = node_readers
         # Keys are pairs (path of the node, name of the output). The value is None where it cannot be carried over.
         self._terms_by_output: dict[tuple[Sdf.Path, str], NodeValue | None] = {}
-        self._open_nodes: list[tuple[Sdf.Path, str]] = []  # those that are being read, each an input of the one before
+        self._open_nodes: list[tuple[Sdf.Path, str]] = []  # keys being read; each is an input of the one before
 
     def read_term(self, attribute: Usd.Attribute | None, width: int) -> NodeValue | None:
         """Return the value of an input, converted to `width` channels; None where the input is missing or not set.
@@ -133,7 +134,10 @@ class Reader:
         raise NotCarriedError
 
     def colorspace(self, attribute: Usd.Attribute, name: str) -> str:
-        """Return a colour space of USD as a `Texture.colorspace`; for an unknown one, add a fault and substitute it."""
+        """Return USD's colour space `name` as a `Texture.colorspace`.
+
+        For an unknown space, add a fault, and return sRGB if its name contains "srgb", else raw.
+        """
         colorspace = colorspace_named(name)
         if colorspace is None:
             colorspace = "sRGB" if "srgb" in name.lower() else "raw"
@@ -177,7 +181,7 @@ class UsdNode:
         return next(widths, 1)
 
     def attribute(self, name: str) -> Usd.Attribute | None:
-        """Return the attribute of an input; None where it has neither a connection nor a value. It counts as read."""
+        """Return the attribute of an input; None where it has no connection and no value. The input counts as read."""
         self._used.add(name)
         attribute = self.shader.GetPrim().GetAttribute(f"inputs:{name}")
         return attribute if attribute and is_authored(attribute) else None
@@ -192,7 +196,7 @@ class UsdNode:
         return convert_channels(constant(*default), width) if term is None else term
 
     def read_any_term(self, name: str, *default: float) -> NodeValue:
-        """Return the value of an input, or its default, with its own number of channels."""
+        """Return the value of an input, or its default, without a conversion of channels."""
         attribute = self.attribute(name)
         if attribute is None:
             return constant(*default)

@@ -26,7 +26,7 @@ from lookdev.stage.colorspaces import colorspace_of
 
 _WrapMode = Wrap | Literal["useMetadata"]
 
-# The wrap modes of textures by the words of UsdUVTexture, of MaterialX's images, and of UsdUVTexture in MaterialX.
+# The wrap modes by the words of USD's UsdUVTexture, of MaterialX's images, and of MaterialX's UsdUVTexture.
 _USD_WRAPS: dict[str, _WrapMode] = {"useMetadata": "useMetadata", **WRAPS}
 _ADDRESS_MODES: dict[str, _WrapMode] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
 _MATERIALX_WRAPS: dict[str, _WrapMode] = _ADDRESS_MODES | {"black": "black", "repeat": "repeat"}
@@ -101,7 +101,7 @@ def read_gltf_image(node: UsdNode) -> NodeValue:
 
 
 def tangent_normal(node: UsdNode, encoded: NodeValue, scale: NodeValue) -> NodeValue:
-    """Return the normal that a normal map encodes, where 0 to 1 stand for -1 to 1; as mx_normalmap of MaterialX.
+    """Return the normal that a normal map encodes: 0 to 1 stand for -1 to 1, as in mx_normalmap of MaterialX.
 
     `scale` multiplies x and y of the normal.
     """
@@ -178,7 +178,7 @@ def _uv_term(node: UsdNode, name: str) -> NodeValue:
 
 
 def _check_nonzero(node: UsdNode, scale: Floats) -> Floats:
-    """Return `scale`, (2,); raises NotCarriedError where it is 0."""
+    """Return `scale`, (2,); raises NotCarriedError where a component is 0."""
     if not np.all(np.abs(scale) > 1e-18):
         raise NotCarriedError("has a scale of 0, which divides the texture coordinates")
     return scale
@@ -202,7 +202,7 @@ def _placement_matrix(pivot: Floats, scale: Floats, degrees: float, offset: Floa
 def _transform_coordinates(node: UsdNode, name: str, matrix: Floats) -> NodeValue:
     """Return the texture coordinates of the input `name`, transformed by a matrix (3, 3).
 
-    The result is the UV set with a transform, or an expression where the coordinates are computed.
+    If the coordinates are a UV set, the result is this set with another transform. Otherwise, it is an expression.
     """
     term = node.reader.read_term(node.attribute(name), 2)
     if term is None:
@@ -225,13 +225,13 @@ def _to_square_matrix(transform: Transform) -> Floats:
 def _read_image_coordinates(node: UsdNode, name: str) -> tuple[str, Transform]:
     """Return the UV set and the transform of the texture coordinates that an image node takes as its input `name`.
 
-    Constant coordinates are a transform whose linear part is 0. Where the coordinates are computed, the network gets a
-    fault, and the UV set st is taken.
+    Constant coordinates are a transform whose linear part is 0. If the coordinates are neither constant nor a
+    transformed UV set, the network gets a fault, and the UV set st is taken.
     """
     try:
         term = read_coordinates(node, name)
         if node.attribute(name) is None and not node.identifier.startswith("ND_"):
-            # The default of UsdUVTexture is the constant (0, 0). That of MaterialX's nodes is a UV set.
+            # The default of UsdUVTexture is the constant (0, 0). The default of MaterialX's nodes is a UV set.
             node.add_fault(name, "texture coordinates are not connected", "the texture's value at (0, 0) is everywhere")
             term = constant(0.0, 0.0)
     except NotCarriedError as error:
@@ -253,9 +253,9 @@ def _read_address_modes(node: UsdNode) -> list[_WrapMode]:
 
 
 def _read_image_node(node: UsdNode, matrix: Floats, wraps: list[_WrapMode], width: int = 0) -> NodeValue:
-    """Return the value of an image node of MaterialX, or of its default where it has no file.
+    """Return the value of an image node of MaterialX: its image or, where it has no file, its default.
 
-    `matrix` (3, 3) transforms the texture coordinates. `width` is the number of channels, by default that of the node.
+    `matrix` (3, 3) transforms the texture coordinates. `width` is the number of channels; 0 stands for the node's own.
     """
     width = width or node.width
     file = _read_file(node, "default", width)

@@ -1,8 +1,8 @@
-"""The values of nodes in materials of foreign shading models, as terms of which a look's expressions are composed.
+"""The values of nodes in materials of foreign shading models, as terms from which a look's expressions are composed.
 
 The value of a node is a `NodeValue`: a constant, a texture or other source, or a text of the expression language. The
 text for a node contains the texts of its inputs. Operations on constants are evaluated at once. Linear arithmetic on a
-single texture or UV set costs nothing either: it becomes the scale and bias of the texture, or the transform of the
+single texture or UV set needs no expression: it becomes the scale and bias of the texture, or the transform of the
 coordinates.
 """
 
@@ -36,7 +36,7 @@ class NotCarriedError(Exception):
 
     @property
     def fault(self) -> str:
-        """The message of the fault for the input whose value it is."""
+        """The message of the fault that is reported for the input with this value."""
         return f"is not carried: {self}" if str(self) else "is not carried"
 
 
@@ -51,12 +51,12 @@ class NodeValue:
     inputs
         The sources of the names in the text.
     numbers
-        The channels of a constant; else None.
+        The channels of the value, if it is constant; else None.
     leaf
-        The source, where the value is a single source; else None.
+        The source, if the value is a single source; else None.
     alpha
         The fourth channel of a value of four channels, whose width is 3; else None.
-    tangent
+    is_tangent_normal
         Whether the value is a normal in the frame of tangent, bitangent and shading normal.
     """
 
@@ -74,7 +74,7 @@ class NodeValue:
         return "float" if self.width == 1 else "color"
 
     def source(self) -> InputSource | Bump:
-        """Return the value as the source of an input of a layer; raises NotCarriedError where a text is too large."""
+        """Return the value as the source of an input of a layer; raises NotCarriedError where the text is too large."""
         if self.numbers is not None:
             return self.numbers[0] if self.width == 1 else _to_color(self.numbers)
         if self.leaf is not None:
@@ -105,7 +105,7 @@ def constant(*numbers: float) -> NodeValue:
 def convert_channels(term: NodeValue, width: int) -> NodeValue:
     """Return a term converted to `width` channels, 1 to 4.
 
-    A single channel is repeated, extra channels are dropped, and missing ones are 0, but alpha 1.
+    A single channel is repeated. Extra channels are dropped. Missing channels are 0, except that alpha is 1.
     """
     channels = 4 if term.alpha else term.width
     if width == channels:
@@ -124,13 +124,13 @@ def convert_channels(term: NodeValue, width: int) -> NodeValue:
 
 
 class Terms:
-    """Makes the terms of one material, and gives each leaf one name in all its expressions."""
+    """Makes the terms of one material, and gives each leaf the same name in all expressions."""
 
     def __init__(self) -> None:
         self._names: dict[Leaf, str] = {}
 
     def leaf_term(self, leaf: Leaf, width: int, hint: str) -> NodeValue:
-        """Return the term for a source of `width` channels. Its name in expressions derives from the text `hint`."""
+        """Return the term for a source of `width` channels. The source's name in expressions derives from `hint`."""
         if leaf not in self._names:
             stem = re.sub(r"[^A-Za-z0-9_]", "_", hint)[:24].lstrip("0123456789") or "value"
             used_names = {*self._names.values(), *CONSTANTS}
@@ -170,9 +170,9 @@ class Terms:
         return NodeValue(text, max(operand.width for operand in operands.values()), inputs, is_tangent_normal=tangent)
 
     def _fold(self, template: str, operands: Mapping[str, NodeValue], name: str) -> NodeValue | None:
-        """Fold a template into its only operand `name` that is not constant, in which it is linear.
+        """Fold a template into its operand `name`. The others are constant, and the template is linear in this one.
 
-        If the operand is a texture or coordinates, return it with the scale and bias of the template, else None.
+        If the operand is a texture or coordinates, return it with the template's scale and bias. Else return None.
         """
         term = operands[name]
         leaf, width = term.leaf, term.width
@@ -216,7 +216,7 @@ class Terms:
         return NodeValue(f"{_parenthesize(term.text)}[{index}]", 1, term.inputs)
 
     def join_channels(self, *channels: NodeValue) -> NodeValue:
-        """Join two to four terms of one channel each to one term of as many channels."""
+        """Join two to four terms of one channel each into one term with all these channels."""
         if len(channels) == 4:
             return replace(self.join_channels(*channels[:3]), alpha=channels[3])
         if all(channel.numbers is not None for channel in channels):
@@ -257,7 +257,7 @@ def _leaf_kind(leaf: InputSource) -> ExpressionKind:
 
 
 def _to_color(numbers: Sequence[float]) -> Color:
-    """Return one to three numbers as a colour; missing ones are 0."""
+    """Return one to three numbers as a colour; missing channels are 0."""
     a, b, c = (*numbers, 0.0, 0.0)[:3]
     return a, b, c
 

@@ -40,19 +40,19 @@ If a material has more combinations, each variant is examined once, with the fil
 MAX_FINDINGS = 1000
 """The largest number of findings in a report."""
 
-_MAX_VARIANTS = 256  # of a material with more than `MAX_COMBINATIONS`, that are examined once each
-_MAX_PROPERTIES = 10_000  # properties and prims of a material; in larger ones, only the reader's faults are found
+_MAX_VARIANTS = 256  # the most variants that are examined once each, if there are more than `MAX_COMBINATIONS`
+_MAX_PROPERTIES = 10_000  # properties and prims of a material; in a larger one, only the reader's faults are found
 
-# The validators of USD that suit a look. It has no geometry, so others that ask for an up axis and units do not.
+# The validators of USD that suit a look. Others ask for an up axis and units, which a look without geometry lacks.
 _VALIDATOR_KEYWORDS = {"UsdCoreValidators", "UsdShadeValidators"}
 _REFERENCE_VALIDATOR = "usdUtilsValidators:MissingReferenceValidator"
 _USD_SEVERITIES: dict[str, Severity] = {"Error": "error", "Warn": "warning", "Info": "note"}
-# USD's error for an unknown shader. It is only a warning: nodes of other renderers may be beside ours.
+# USD's error for an unknown shader. Here it is only a warning: nodes of other renderers may be beside ours.
 _UNKNOWN_SHADER = "MissingShaderIdInRegistry"
 # Errors of USD with another severity here. A file of several looks needs no default prim, because a job names its look.
 _SEVERITIES: dict[str, Severity] = {_UNKNOWN_SHADER: "warning", "MissingDefaultPrim": "note"}
 # The beginning of USD's message for an unknown node of MaterialX. These messages are ignored: USD's wheels lack the
-# definitions of the nodes, and our reader reads them or adds notes itself.
+# definitions of these nodes, and our reader reads the nodes or adds notes itself.
 _MATERIALX_SHADER = "shaderId 'ND_"
 _TOO_LARGE = "is too large to be examined for more than faults"
 _UNRESOLVED_REFERENCE = "UnresolvableDependency"
@@ -143,9 +143,9 @@ def _merge_findings(
     """Merge the findings of all combinations of variants: each finding is yielded once.
 
     `looks` has the findings of each combination by its label. An error or warning that only some combinations have is
-    yielded with their labels. A note that only some have is omitted, because another variant may use the element that
-    has no effect in these. Notes of the combinations in `foreign`, whose materials are foreign, are kept: they state
-    losses.
+    yielded with their labels. A note that only some have is omitted: the element has no effect in these combinations,
+    but other combinations may use it. `foreign` has the labels of the combinations in which the material is foreign. A
+    note that only such combinations have is kept: it states a loss.
     """
     labelled: dict[ValidationFinding, list[str]] = {}
     for label, findings in looks.items():
@@ -161,7 +161,7 @@ def _merge_findings(
 def _combinations(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
     """Yield all combinations of variants that extend a selection, each while it is selected on the stage.
 
-    A variant may add further sets.
+    A variant may add further variant sets.
     """
     free_sets = variant_sets(stage, path).keys() - selection.keys()
     if not free_sets:
@@ -172,7 +172,7 @@ def _combinations(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, str]
 
 
 def _single_variants(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
-    """Yield a selection extended by a single variant, for each variant of each other set, while it is selected."""
+    """Yield a selection with one more variant, for each variant of each other set, while this variant is selected."""
     for name in sorted(variant_sets(stage, path).keys() - selection.keys()):
         yield from _select_variants(stage, path, name, selection)
 
@@ -180,7 +180,7 @@ def _single_variants(stage: Usd.Stage, path: Sdf.Path, selection: Mapping[str, s
 def _select_variants(stage: Usd.Stage, path: Sdf.Path, name: str, selection: Selection) -> Iterator[Selection]:
     """Yield a selection extended by each variant of the set `name` in turn, while it is selected on the stage.
 
-    Where the file selects no variant of the set, the first extension is "", which is none.
+    Where the file selects no variant of the set, the first choice is "", which selects no variant.
     """
     variant_set, session = variant_sets(stage, path)[name], stage.GetSessionLayer()
     names: list[str] = variant_set.GetVariantNames()
@@ -233,7 +233,7 @@ def _disabled_switches(stack: Stack) -> list[Usd.Attribute]:
 
 
 def _ineffective_layers(stack: Stack, layers: Sequence[Layer]) -> Iterator[_Unused]:
-    """Yield the layers of a stack that are never visible, and those without a mask that hide all layers beneath.
+    """Yield the layers of a stack that are never visible, and the layers without a mask that hide all layers beneath.
 
     `layers` are the enabled layers, base first.
     """
@@ -283,7 +283,7 @@ def _read_material(
 ) -> tuple[tuple[ValidationFinding, ...], tuple[Layer, ...]]:
     """Return the reader's findings in a material, and its layers.
 
-    For a foreign material, there are only notes and no layers.
+    A foreign material has only notes, and no layers.
     """
     try:
         if is_foreign(stage.GetPrimAtPath(path)):

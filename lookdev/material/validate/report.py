@@ -17,9 +17,9 @@ _MAX_LISTED_COMBINATIONS = 4  # combinations of variants that the text lists for
 class ValidationFinding:
     """A fault of a look, or a note on it.
 
-    `prim` is the path of the prim that it is about, and `input` the name of a property of that prim; both may be empty.
-    `what` states the fault, and `hint` what would be right. `variants` has the combinations of variants that have the
-    fault; it is empty where all have it.
+    `prim` is the path of the prim concerned, and `input` the name of a property of that prim; both may be empty. `what`
+    states the fault, and `hint` what would be right. `variants` has the combinations of variants that have the fault;
+    it is empty where all have it.
     """
 
     severity: Severity
@@ -32,7 +32,10 @@ class ValidationFinding:
 
 @dataclass(frozen=True)
 class ValidationReport:
-    """The findings in a file, and the numbers of its materials and of the combinations of variants examined."""
+    """The findings in a file.
+
+    `materials` and `combinations` are the numbers of the materials and of the combinations of variants examined.
+    """
 
     file: str
     findings: tuple[ValidationFinding, ...]
