@@ -102,7 +102,7 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
 
 
 def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for the specular lobe: a metal and GGX, and for an exact metal also a conductor and more GGX.
+    """Return closures for the specular lobe: a metal and GGX; for an exact metal, also a conductor and a second GGX.
 
     The closures have the lobe's alphas. An exact metal has the Fresnel term of conductors in place of Schlick's; see
     `lookdev.brdf.metal`. The only closure of a lobe with a thin film is GGX.
@@ -199,7 +199,7 @@ class ApparentAlphas:
 
 
 def apparent_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicShape) -> ApparentAlphas:
-    """Return the alphas at which fits of isotropic lobes are read for a lobe of `alphas` (alpha_x, alpha_y).
+    """Return the alphas at which fits of isotropic lobes are evaluated for a lobe of `alphas` (alpha_x, alpha_y).
 
     They depend on the directions `wo`, (..., 3), to the viewer. From above, they are the geometric mean of the two
     alphas. At grazing views, `ApparentAlphas.cosine` is the alpha along the azimuth of the view.

@@ -64,7 +64,7 @@ class AnisotropicShape(TypedDict):
 
 
 class MixShapes(TypedDict):
-    """The shapes of mixes that must be known before the fits, which correct the albedos of these mixes."""
+    """The shapes of mixes that must be known before the fits: some fits correct the albedos of these mixes."""
 
     clearcoat: CoatShape
     highlight: HighlightShape
@@ -90,7 +90,7 @@ class ClosureFit(TypedDict):
 
 
 class ClosureTable(TypedDict):
-    """The shapes of mixes of closures, and the fits of the factors in their weights, by name."""
+    """The shapes of mixes of closures by name, and the fits by name."""
 
     shapes: ClosureShapes
     fits: dict[str, ClosureFit]

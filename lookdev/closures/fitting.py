@@ -122,8 +122,8 @@ def cosine_goal(a: Albedos) -> FitGoal:
 
     `a` has the albedos of n setups.
     """
-    # `allowed` is the tolerance of this mean. By the fifth root, the mean and its tolerance become 1 minus the cosine,
-    # and the tolerance of the cosine.
+    # `allowed` is the tolerance of this mean. The fifth root of the mean is 1 minus the cosine. The fifth root also
+    # converts the tolerance.
     mean = a.weighted / a.unweighted
     allowed = _TOLERANCE * np.maximum(mean, _FLOOR / a.unweighted)
     root = mean**0.2
@@ -174,7 +174,7 @@ def retro_goal(grid: LobeGrid) -> FitGoal:
 
 
 def retro_shape() -> RetroShape:
-    """Search the strength of the Oren-Nayar closure with which it resembles Disney's diffuse lobe best.
+    """Search the strength at which the Oren-Nayar closure resembles Disney's diffuse lobe best.
 
     The strength is the closure's roughness at grazing views for a lobe of roughness 1.
     """
@@ -230,7 +230,7 @@ def coat_shape() -> CoatShape:
 def highlight_shape() -> HighlightShape:
     """Search the mix of Beckmann and GGX that resembles Pixar's highlight best.
 
-    The numbers are the width of GGX relative to Beckmann, and the growth of its share with alpha; see
+    The numbers are the width of GGX relative to Beckmann, and the growth of GGX's share with alpha; see
     `lookdev.closures.pixar.highlight_mix`.
     """
     widths = (0.8, 0.85, 0.9, 0.95, 1.0)

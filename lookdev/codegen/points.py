@@ -80,7 +80,7 @@ class PointLayer:
 def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
     """Return the BSDF of layers, base first.
 
-    The numbers that the table has are symbols of `graph`. Their names are those of the columns (`point_columns`).
+    The numbers that the table has are symbols of `graph`, named like the table's columns (`point_columns`).
     """
     stack = []
     for number, layer in enumerate(layers):

@@ -112,9 +112,9 @@ TANGENT_BINDING = AttributeBinding("shading_tangent", TANGENT, "vector")
 class GeneratedSource(Protocol):
     """A look generated for one backend: a frozen dataclass of plain data.
 
-    `attributes` are the mesh attributes that it reads, `images` the files of its textures. Its `digest` depends on
-    everything that affects the picture. The look `transmits` if light passes through its surface. It is `see_through`
-    if its presence is below 1 somewhere.
+    `attributes` are the mesh attributes that the source reads, `images` the files of its textures. The `digest` depends
+    on everything that affects the picture. The look `transmits` if light passes through its surface. The look is
+    `see_through` if its presence is below 1 somewhere.
     """
 
     @property
@@ -138,7 +138,7 @@ LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "sheen", "transmission")
 """The groups of lobes: a render can record a picture of each group's light. The last has all transmitting lobes."""
 
 FIRST_LIGHT_PART = 2 + len(LOBE_GROUPS)
-"""The number of the first group of lights, where all parts of the light that a shader records are numbered.
+"""The number of the first group of lights among the numbered parts of the light that a shader records.
 
 Part 0 is all light. Part 1 is the light of lamps and domes that the first hit reflects. Part 2 + i is the light of
 group i in `LOBE_GROUPS`.

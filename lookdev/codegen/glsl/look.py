@@ -77,7 +77,7 @@ class LookFunctions:
     ``look_draw(wi)``
         Draws a direction in the shading frame by ``u1`` and ``u2``.
     ``look_presence(presence)``
-        Sets the presence. It exists if the look's program is `see_through`.
+        Sets the presence. This function exists if `program` is `see_through`.
     ``look_delta<k>(direction, factor)``
         Sets the direction of delta lobe `k`, and the factor of light from there. The direction's z is 0 where the lobe
         does not scatter.

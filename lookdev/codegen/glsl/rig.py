@@ -76,11 +76,11 @@ class RigFunctions:
         Draws a direction to a light, and returns the radiance from there.
     ``rig_meet_occluders``
         Finds the occluders in a direction. It exists if the macro ``SHADOWS`` is 1. It calls a function that the shader
-        defines, ``float occluder_distance(vec3 w, float reach, int spared, bool any)``. This returns the distance of
-        the nearest occluder within ``reach``, or with ``any`` of an arbitrary one, and ignores the slots of the set
-        ``spared`` of `CodedRig.shadow_excluded`.
+        defines, ``float occluder_distance(vec3 w, float reach, int spared, bool any)``. This function returns the
+        distance of the nearest occluder within ``reach``, or with ``any`` the distance of an arbitrary one. It ignores
+        the slots of set number ``spared`` in `CodedRig.shadow_excluded`.
     ``rig_passed``
-        Returns the share of a light that passes these occluders. It exists if ``SHADOWS`` is 1.
+        Returns the share of a light that passes the occluders found. It exists if ``SHADOWS`` is 1.
 
     The text declares these uniforms:
 
@@ -90,8 +90,8 @@ class RigFunctions:
     ``sampler2D rig_numbers``
         The texture of `numbers`, in rows of `RIG_WIDTH`.
     ``dome<k>_map``, ``dome<k>_points`` (RGBA32F), ``isampler2D dome<k>_slots``
-        The map and the sampling tables of dome `k` of `domes`. A dome of constant radiance is None there, and has no
-        textures.
+        The map and the sampling tables of dome `k` of `domes`. In `domes`, a dome of constant radiance is None; it has
+        no textures.
     ``picture<k>`` (RGBA32F)
         The texture of rectangle light `k` of `pictures`.
     ``sampler2D rig_tables``

@@ -32,7 +32,7 @@ def match_fit(node: GraphNode) -> tuple[str, dict[str, GraphNode]] | None:
 
 
 def is_fit(group: str) -> bool:
-    """Return whether the name of a group is that of a fit."""
+    """Return whether `group` is the name of a group that computes a fit."""
     return group.startswith(_PREFIX)
 
 

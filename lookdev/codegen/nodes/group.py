@@ -18,8 +18,9 @@ from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, s
 class TracedGroup:
     """A group of nodes under construction.
 
-    The group's values are traced in its own graph, `graph`, whose nodes `builder` collects. The values that the group's
-    sockets receive are traced in the outer graph, that of the tree that contains the group's node.
+    The group's values are traced in its own graph, `graph`. `builder` makes the group's nodes from this graph. The
+    values that the group's sockets receive are traced in the outer graph. It belongs to the tree that contains the
+    group's node.
     """
 
     def __init__(self, name: str) -> None:

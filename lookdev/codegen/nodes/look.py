@@ -244,9 +244,9 @@ class _Material:
         return _ShaderPart(NodeLink(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
 
     def _add_group(self, group: TracedGroup, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
-        """Add a finished group's node, and the nodes that its inputs read, to the material's tree; return its name.
+        """Add a node of a finished group to the material's tree, and return the node's name.
 
-        `shaders` are those of `TracedGroup.add_to`.
+        The nodes that the inputs of the group's node read are also added. `shaders` is as in `TracedGroup.add_to`.
         """
         self._groups.append(tree)
         elements = [element for value in group.input_values(tree).values() for element in elements_of(value)]

@@ -78,7 +78,7 @@ def match_operation(node: GraphNode, computed: Container[object] = ()) -> Match:
 def add_depths(value: Scalar, depths: dict[GraphNode, int]) -> None:
     """Add the depths of a node and of all nodes that it depends on to `depths`.
 
-    The depth of a node is the number of nodes in the longest chain of operations that ends with it.
+    The depth of a node is the number of nodes in the longest chain of operations that ends with this node.
     """
     for node in post_order([value], stop=lambda operand: operand in depths):
         depths[node] = 1 + max((depths[operand] for operand in node.operands()), default=0)

@@ -70,8 +70,8 @@ def texture_size(table: NumberTable) -> tuple[int, int]:
 class Block:
     """One scope of emitted code. Nodes of the graph that are used more than once become variables, others are inline.
 
-    `lines` is the code. `variables` has the names of the variables, by the node whose value they have, including those
-    of the enclosing scopes. `prefix` begins the names of this scope's own variables.
+    `lines` is the code. `variables` has the names of this scope's variables and of the variables of the enclosing
+    scopes, by the node whose value they have. The names of this scope's own variables begin with `prefix`.
     """
 
     def __init__(

@@ -15,7 +15,7 @@ template `lookdev/shaders/surface.osl` includes each section at a line ``//@ lig
 These are the sections:
 
 ``parameters``
-    Parameters of the shader, whose values are in `LightCode`.
+    Parameters of the shader. `lookdev.light.LightCode` has their values.
 ``functions``
     Functions, which precede the shader.
 ``setup``

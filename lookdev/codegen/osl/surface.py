@@ -55,8 +55,8 @@ _MIN_TRACED_PDF = 0.01
 class DirectionCounts:
     """The numbers of directions that are drawn at a shading point.
 
-    `brdf` and `ibl` are drawn from the BSDF and from the light at the first hit, `brdf_onward` and `ibl_onward` at
-    later hits of a path.
+    At the first hit, `brdf` directions are drawn from the BSDF, and `ibl` from the light. At later hits of a path, the
+    numbers are `brdf_onward` and `ibl_onward`.
     """
 
     brdf: int

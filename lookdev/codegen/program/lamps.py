@@ -1,7 +1,7 @@
 """Trace the functions of lights in `lookdev.light`, for OSL, GLSL and Mitsuba, which sample the same lights.
 
-In the traced code, the numbers of a light are symbols, the fields of its row (`lookdev.light.lamps.FIELDS`). The code
-is thus the same for all lights of a kind.
+In the traced code, the numbers of a light are symbols: the fields of the light's row (`lookdev.light.lamps.FIELDS`).
+The code is thus the same for all lights of a kind.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
 def trace_shadow(field: str = "{}") -> TracedFunctions:
     """Return the function ``passed``: the share of a light (3 numbers) that passes an occluder.
 
-    The symbols of the function are `SHADOW_FIELDS`, formatted by `field`, and ``distance``, at which the occluder is.
+    The symbols of the function are `SHADOW_FIELDS`, formatted by `field`, and ``distance``, the occluder's distance.
     """
     row = LampSymbols(field)
     enable, limit, zone, gamma = row.fields(*SHADOW_FIELDS[:4])

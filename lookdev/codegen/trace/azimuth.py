@@ -44,7 +44,7 @@ def _node_polynomial(
 ) -> Polynomial | None:
     """Return the polynomial of a node, or None if the node is not a polynomial.
 
-    `earlier` has the polynomials of the node's operands, or None.
+    `earlier` has the results of this function for the node's operands.
     """
     if isinstance(node, Symbol):
         return {(node.name,): 1.0} if node.name in _ROTATED else {(): node}

@@ -53,7 +53,7 @@ class Symbol(GraphNode):
 
 @dataclass(frozen=True, eq=False)
 class TableCell(GraphNode):
-    """A number that is looked up in a table; `args` are its row and column.
+    """A number that is looked up in a table; `args` are the row and the column.
 
     If the cells of the table are colours, the number is channel 0, 1 or 2; else `channel` is None.
     """

@@ -53,7 +53,7 @@ def present_deltas(graph: Graph, bsdf: Bsdf) -> list[Delta]:
 
 
 def continuous_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
-    """Return the same lobes as `present_lobes`, also for a BSDF that also scatters along single directions."""
+    """Return the lobes of a BSDF as `present_lobes` does, even if the BSDF also scatters along single directions."""
     return [lobe for lobe in bsdf.lobes(symbols(graph, WO)) if _can_be_positive(lobe.share)]
 
 
@@ -103,8 +103,8 @@ def _can_be_positive(value: Real) -> bool:
 def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
     """Return the mixture of lobes for a view along the symbols `WO`.
 
-    Conditions are assumed. Wherever the code of the mixture runs, the viewer is above the horizon, and the sum of the
-    lobes' shares is above 0. Wherever the code of a lobe runs, its share is above 0.
+    The trace assumes that the viewer is above the horizon and that the sum of the lobes' shares is above 0, wherever
+    the code of the mixture runs. It also assumes that a lobe's share is above 0 wherever the code of the lobe runs.
     """
     mixture = Mixture(lobes, symbols(graph, WO))
     assume_positive(graph, mixture.wo[..., 2], mixture.total_share, *(lobe.share for lobe in lobes))
