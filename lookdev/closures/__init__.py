@@ -1,9 +1,9 @@
-"""Approximates each lobe of our models by closures of Cycles, its stand-ins. Backend ``nodes`` renders with them.
+"""Approximate each lobe of our models by closures of Cycles, the lobe's stand-ins; backend ``nodes`` renders with them.
 
-For each lobe, a function returns the stand-ins. It is an entry of `STAND_INS` in the file of the model, by the names of
-the model and the lobe. The weights of closures contain the factors of the lobe that depend on the view only, exactly.
-The rest is fitted: the shape of the lobe, and a factor over the view that restores its directional albedo.
-``python -m lookdev.closures.fitting`` makes the table of fits.
+For each lobe, a function returns the stand-ins. `STAND_INS` in the model's file has these functions, by the names of
+the model and the lobe. The weights of the closures contain exactly the factors of the lobe that depend on the view
+alone. The shape of the lobe is fitted. A fitted factor, which depends on the view, restores the lobe's directional
+albedo. ``python -m lookdev.closures.fitting`` makes the table of fits.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The closures of Cycles as records, and their evaluation in NumPy as in Cycles, for fits and tests.
+"""Represent the closures of Cycles as records, and evaluate them in NumPy as Cycles does, for fits and tests.
 
 Closures approximate the lobes of our models. The formulas are those of
 intern/cycles/kernel/closure/bsdf_microfacet.h, Blender 4.5 and 5.2:
@@ -43,10 +43,10 @@ class Closure:
         most 1.
     alpha_x, alpha_y : (...)
         The roughness of microfacets along the first two axes of `frame`, in [0.001, 1]. `alpha_x` is 1 to 10 times
-        `alpha_y`. Lambert's closures and sheen do not use them. Where their product is below 2e-10, Cycles renders a
-        mirror.
+        `alpha_y`. Lambert's closures and sheen do not use the alphas. Where the product of the alphas is below 2e-10,
+        Cycles renders a mirror.
     frame
-        The frame of the closure, relative to that of the shading normal. Its z axis is the closure's normal.
+        The frame of the closure, relative to the shading frame. The closure's normal is the z axis of `frame`.
     ior : (...)
         For a refraction: the index of refraction of the other side.
     f0 : (..., 3)
@@ -76,15 +76,15 @@ class Closure:
 
 
 StandIn = Callable[[Lobe, Array], tuple[Closure, ...]]
-"""Maps a lobe and the directions (..., 3) to the viewer, with which the lobe was made, to closures."""
+"""A function of a lobe, and of the directions to the viewer (..., 3) with which the lobe was made; returns closures."""
 
 
 def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
     """Return weight times BSDF (1/sr) times cosine of a closure, (..., 3), as in Cycles.
 
-    The cosine is that between the light and the closure's normal. `wo` and `wi`, (..., 3), are unit directions to the
-    viewer, above the horizon, and to the light; z is the shading normal. The result is 0 where light comes from the
-    wrong side of the closure's normal or of the surface.
+    The cosine is the one between the light and the closure's normal. `wo` and `wi`, (..., 3), are unit directions: `wo`
+    to the viewer, above the horizon, and `wi` to the light; z is the shading normal. The result is 0 where light comes
+    from the wrong side of the closure's normal or of the surface.
     """
     wo_local, wi_local = closure.frame.to_local(wo), closure.frame.to_local(wi)
     side = -1.0 if closure.transmits else 1.0
@@ -109,7 +109,7 @@ def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
     return np.asarray(scale(color, np.where(valid, shape, 0.0)))
 
 
-# Fujii, Y. A tiny improvement of Oren-Nayar reflectance model. Multiple scattering is that of OpenPBR 1.1.
+# Fujii, Y. A tiny improvement of Oren-Nayar reflectance model. Multiple scattering is as in OpenPBR 1.1.
 def _oren_nayar(closure: Closure, wo: Array, wi: Array) -> Array:
     """Return the ratio of Oren and Nayar's BRDF to Lambert's of reflectance 1, (..., 3), in the closure's frame."""
     # `nv` and `nl` are the cosines of view and light, and `t` is the term that roughness multiplies. `ev`, `el` and
@@ -137,7 +137,7 @@ def rough_diffuse_albedo(sigma: Real, g: Real) -> Real:
 def oren_nayar_g(cos_theta: Array) -> Array:
     """Return the integral of Oren and Nayar's rough term over the hemisphere of light, (...).
 
-    The rough term is what roughness multiplies. `cos_theta` (...) is the cosine of the view.
+    Roughness multiplies the rough term. `cos_theta` (...) is the cosine of the view.
     """
     sin_theta = np.sqrt(np.maximum(1.0 - cos_theta * cos_theta, 0.0))
     tan = sin_theta / np.maximum(cos_theta, 1e-6)
@@ -149,11 +149,11 @@ def oren_nayar_g(cos_theta: Array) -> Array:
 def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
     """Return BSDF times cosine of a microfacet closure with a Fresnel term of 1, (...).
 
-    `wo` and `wi` are directions in the closure's frame, on the sides of its horizon where it is not 0.
+    `wo` and `wi` (..., 3) are directions in the closure's frame, on the sides of its horizon on which it scatters.
     """
     if closure.kind.endswith("refraction"):
-        # Walter et al. 2007, eq. 16 and 21. `jacobian` is d omega_h / d omega_i, times |wo . wm|. For reflection, this
-        # is 1 / 4.
+        # Walter et al. 2007, eq. 16 and 21. `jacobian` is d omega_h / d omega_i, times |wo . wm|. For reflection, the
+        # product is 1 / 4.
         half = -(wo + scale(wi, closure.ior))
         wm = normalize(half)
         jacobian: Real = closure.ior * closure.ior * np.abs(dot(wo, wm) * dot(wi, wm)) / dot(half, half)

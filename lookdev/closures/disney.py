@@ -1,8 +1,8 @@
 """Closures of Cycles that approximate the lobes of Disney's BRDF (`lookdev.brdf.disney`).
 
-The directional albedo of the diffuse term is exact. Factors from `lookdev.closures.fits` are fitted, so that the
-closures have the directional albedo of the lobe. `cos_theta` (...) is the cosine between the lobe's normal and the
-direction to the viewer.
+The directional albedo of the diffuse term is exact. For the other terms and lobes, fitted factors
+(`lookdev.closures.fits`) give the closures the directional albedo of the lobe. `cos_theta` (...) is the cosine between
+the lobe's normal and the direction to the viewer.
 
 - Burley, B. 2012. Physically Based Shading at Disney. SIGGRAPH Courses.
 """
@@ -29,9 +29,9 @@ from lookdev.errors import CodegenError
 def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Return closures for the diffuse lobe: for sheen, for the subsurface term and for the diffuse term.
 
-    The closure of sheen has the shape of Disney's term but for a factor 1 / (cos_theta_i + cos_theta_o). Parameter
-    `subsurface` blends the other two terms; one of share 0 has no closures. Oren and Nayar's closure approximates the
-    diffuse term.
+    The closure of sheen has the shape of Disney's term but for a factor 1 / (cos_theta_i + cos_theta_o). The parameter
+    `subsurface` blends the other two terms; a term of share 0 has no closures. Oren and Nayar's closure approximates
+    the diffuse term.
     """
     # `p` has the values of the lobe by name: parameters of the model and numbers that derive from them.
     p, cos_theta = lobe.values, lobe.frame.to_local(wo)[..., 2]
@@ -49,10 +49,10 @@ def diffuse_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     return closures
 
 
-# The integral of the diffuse term of Burley 2012, section 5.3, times the cosine, over all directions of light. FD90 is
-# the paper's factor at grazing angles. With X = 1 + wi . wo = 2 cos^2 theta_d, FD90 - 1 is roughness X - 1/2. The
-# cosine-weighted means of (1 - cos_theta_i)^5 times 1, X and X^2 are Beta functions: the last two are `mean_x` and
-# `mean_x2`, and the first is 1/21.
+# The albedo is the integral of the diffuse term of Burley 2012, section 5.3, times the cosine, over all directions of
+# light. FD90 is the paper's factor at grazing angles. With X = 1 + wi . wo = 2 cos^2 theta_d, FD90 - 1 is
+# roughness X - 1/2. With S = (1 - cos_theta_i)^5, the cosine-weighted means of S, S X and S X^2 are Beta functions:
+# 1/21, `mean_x` and `mean_x2`.
 def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
     """Return the directional albedo of the diffuse term for a white base colour, (...)."""
     mean_x = 1.0 / 21.0 + cos_theta * (1.0 / 84.0)
@@ -64,14 +64,15 @@ def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
 
 
 def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
-    """Return a diffuse closure with the directional albedo `reflected`, (..., 3), that has retroreflection.
+    """Return a diffuse closure that has retroreflection and the directional albedo `reflected`, (..., 3).
 
-    `retro`, (...), is the roughness of Disney's lobe. Retroreflection grows with it, and is absent at 0.
+    `retro`, (...), is the roughness of Disney's lobe. Retroreflection grows with `retro`, and is absent at 0.
     """
     if are_equal(retro, 0.0):
         return Closure("diffuse", reflected, frame=frame)
     sigma = closure_table()["shapes"]["retro"]["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
-    # The lower bound is for Cycles, which divides in float32 by 1 minus an albedo. For small sigma that is nearly 1.
+    # The lower bound is for Cycles, which divides in float32 by 1 minus an albedo. For small sigma, this albedo is
+    # nearly 1.
     sigma = np.maximum(sigma, 0.01)
     # Single scattering loses the part 1 - `single` of the light. Multiple scattering, which the closure adds, restores
     # all of it for a white base colour. For any other colour, it restores about the share colour^2 of this part.
@@ -83,11 +84,12 @@ def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Fram
 # The subsurface term, after Hanrahan and Krueger 1993, is 1.25 / pi (Fss (1 / (cos_theta_i + cos_theta_o) - 1/2) + 1/2)
 # with Burley's factor Fss. GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)). The term is therefore 2.5 Fss
 # times this GGX, plus 0.625 (1 - Fss) times Lambert's 1 / pi. Fss depends on little but the view. The directional
-# albedo of this GGX is 1 - cos_theta ln(1 + 1 / cos_theta). That of the whole term is quadratic in roughness.
+# albedo of this GGX is 1 - cos_theta ln(1 + 1 / cos_theta). The directional albedo of the whole term is quadratic in
+# roughness.
 def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) -> tuple[Closure, ...]:
     """Return closures for the subsurface term of a `color`, (..., 3): GGX of alpha 1, and Lambert for the rest."""
-    # Fss is the product of a factor at the view and one at the light. This is the factor at the view, with the mean of
-    # cos^2 theta_d, about 1/2, in place of cos^2 theta_d.
+    # Fss is the product of a factor at the view and a factor at the light. `fss` is the factor at the view, in which
+    # the mean of cos^2 theta_d, about 1/2, replaces cos^2 theta_d.
     fss = schlick_blend(1.0, 0.5 * roughness, cos_theta)
     ggx_weight, diffuse_weight = 2.5 * fss, 0.625 * (1.0 - fss)
     cosine = np.maximum(cos_theta, TINY)
@@ -100,10 +102,10 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
 
 
 def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for the specular lobe, with its alphas: a metal, GGX, and for exact metals a conductor and GGX.
+    """Return closures for the specular lobe: a metal and GGX; for an exact metal, also a conductor and a second GGX.
 
-    An exact metal has the Fresnel term of conductors in place of Schlick's; see `lookdev.brdf.metal`. A lobe with a
-    thin film has GGX only.
+    The closures have the lobe's alphas. An exact metal has the Fresnel term of conductors in place of Schlick's; see
+    `lookdev.brdf.metal`. The only closure of a lobe with a thin film is GGX.
 
     Raises
     ------
@@ -125,14 +127,14 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         apparent = apparent_alphas(alphas, wo, closure_table()["shapes"]["anisotropic"])
         # Cycles' alphas are at most 1.
         x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
-        # If alpha_x exceeds 1, the closure is narrower than Disney's lobe. Shadowing of that wider lobe removes about
-        # the part that the limit cuts off: the factor is the limited alpha_x over the original one. In the 2012
-        # variant, shadowing does not depend on the alphas.
+        # If alpha_x exceeds 1, the closure is narrower than Disney's lobe. The shadowing of Disney's lobe removes about
+        # the part that the limit cuts off. The factor is the limited alpha_x divided by the original alpha_x. In the
+        # 2012 variant, shadowing does not depend on the alphas.
         shadowing = x / alphas[0]
-    # Fitted ratios of the lobe's directional albedo to that of the closure: `ratio` with a Fresnel term of 1, `grazing`
-    # with Schlick's weight (1 - cosine)^5 as the Fresnel term.
+    # Fitted ratios of the lobe's directional albedo to the closure's: `ratio` with a Fresnel term of 1, `grazing` with
+    # Schlick's weight (1 - cosine)^5 as the Fresnel term.
     ratio, grazing = (closure_fit(f"specular_{name}{variant}")(cos_theta, apparent.ratio) for name in ("", "grazing_"))
-    # The cosine, between light and half vector, at which Schlick's weight has its mean over the lobe.
+    # The cosine, between light and half vector, at which Schlick's weight equals its mean over the lobe.
     typical_cosine = np.clip(closure_fit(f"specular_cosine_{variant}")(cos_theta, apparent.cosine), 0.0, 1.0)
     if variant == "2012":
         shadowing = shadowing_2012(cos_theta, p["roughness"]) * shadowing_2012(typical_cosine, p["roughness"])
@@ -141,7 +143,7 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     # Let B be the albedo of the GGX closure of weight 1, and b = `metal_mean` the mean of Schlick's weight over it. A
     # metal closure of weight g = `grazing` and f = `metal_f0` reflects g B (f (1 - b) + b). Disney's lobe reflects
     # r B (f0 (1 - s) + s), with r = `ratio` and s = `schlick_mean`. The fit of `grazing` makes the parts with Schlick's
-    # weight equal, r s = g b, which gives b. The whole is equal too, which gives f.
+    # weight equal, r s = g b. This equation gives b. The whole amounts are equal, too. This gives f.
     metal_mean = ratio * schlick_mean / grazing
     fresnel = mix_color(p["f0"], np.ones(3), schlick_mean)
     if not are_equal(p["filmThickness"], 0.0):
@@ -166,7 +168,8 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         return closures
     # F is the exact reflectance of the metal. A conductor closure of weight g, here `grey`, reflects g B F(c). Disney's
     # lobe reflects r B F(c). In each, c is the cosine at which Schlick's weight (1 - c)^5 equals its mean: b for the
-    # conductor, s for the lobe. The weight has to be grey: it is the smallest of the channels, and GGX adds the rest.
+    # conductor, s for the lobe. Each channel needs another weight, but the conductor's weight has to be grey. It is the
+    # smallest of the three, and GGX adds the rest.
     reflected_metal, target = (
         metal_fresnel(p, 1.0 - np.power(np.clip(value, 0.0, 1.0), 0.2)) for value in (metal_mean, schlick_mean)
     )
@@ -183,7 +186,7 @@ def specular_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
 
 @dataclass(frozen=True)
 class ApparentAlphas:
-    """The alphas (...) of isotropic lobes that resemble an anisotropic lobe from one view. Fits are read at them.
+    """The alphas (...) of isotropic lobes that resemble an anisotropic lobe from one view; fits are evaluated at them.
 
     ratio : the alpha for the fits of ratios of albedos, ``specular_<variant>`` and ``specular_grazing_<variant>``.
     cosine : the alpha for the fit of the typical cosine, ``specular_cosine_<variant>``.
@@ -196,20 +199,21 @@ class ApparentAlphas:
 
 
 def apparent_alphas(alphas: tuple[Array, Array], wo: Array, shape: AnisotropicShape) -> ApparentAlphas:
-    """Return the alphas at which fits of isotropic lobes are read for a lobe of `alphas` (alpha_x, alpha_y).
+    """Return the alphas at which fits of isotropic lobes are evaluated for a lobe of `alphas` (alpha_x, alpha_y).
 
-    They depend on the directions `wo`, (..., 3), to the viewer: from above, they are the geometric mean of the two
-    alphas; at grazing views, the alpha along the azimuth of the view.
+    They depend on the directions `wo`, (..., 3), to the viewer. From above, they are the geometric mean of the two
+    alphas. At grazing views, `ApparentAlphas.cosine` is the alpha along the azimuth of the view.
 
-    `shape` has three fitted numbers. `azimuth`, in [0, 1], is a weight: the square of `ApparentAlphas.ratio` is the
-    mixture of alpha_x alpha_y (at 0) and the squared alpha along the view's azimuth (at 1). `ApparentAlphas.skew` is a
-    power of the aspect ratio alpha_x / alpha_y. `skew` is the exponent for a lobe of mean alpha 1 at grazing views.
-    `skew_rise` is the increase of this exponent up to a view from above.
+    `shape` has three fitted numbers. `azimuth`, in [0, 1], is a weight: the square of `ApparentAlphas.ratio` is a
+    mixture of alpha_x alpha_y (at weight 0) and the squared alpha along the view's azimuth (at weight 1).
+    `ApparentAlphas.skew` is a power of the aspect ratio alpha_x / alpha_y. `skew` is the exponent for a lobe of mean
+    alpha 1 at grazing views. `skew_rise` is the increase of this exponent up to a view from above.
     """
-    # The squares of the mean alpha, and of the alpha along the view's azimuth, which from above is the mean.
+    # The squares of the mean alpha, and of the alpha along the view's azimuth. From above, the latter is the mean
+    # alpha.
     mean2 = alphas[0] * alphas[1]
     along2 = _square(alphas[0] * wo[..., 0]) + _square(alphas[1] * wo[..., 1]) + mean2 * _square(wo[..., 2])
-    # The cosine of twice the azimuth times sin^2 theta: 0 on the diagonals.
+    # The cosine of twice the azimuth, times sin^2 theta. It is 0 on the diagonals between the axes.
     azimuth_cosine = _square(wo[..., 0]) - _square(wo[..., 1])
     exponent = (shape["skew"] + shape["skew_rise"] * wo[..., 2]) * np.sqrt(mean2)
     skew = np.power(alphas[0] / alphas[1], -exponent * azimuth_cosine)
@@ -237,9 +241,10 @@ def clearcoat_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
 def coat_mix(alpha: Array, shape: CoatShape) -> list[tuple[float, Array]]:
     """Return pairs (share, alpha) of the GGX lobes whose sum approximates GTR1 of an `alpha`, (...), broadest first.
 
-    `shape` has the `shares`, and the `powers` of `alpha` that are the alphas of the GGX lobes.
+    `shape` has the `shares`, and the `powers`: the alphas of the GGX lobes are `alpha` to these powers.
     """
-    # GTR1 spreads its energy evenly over log tan theta_h, from log alpha to 0. A GGX lobe is a single step there.
+    # GTR1 spreads its energy evenly over log tan theta_h, from log alpha to 0. A GGX lobe is a single step on this
+    # axis.
     return [(share, np.power(alpha, power)) for share, power in zip(shape["shares"], shape["powers"], strict=True)]
 
 

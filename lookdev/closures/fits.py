@@ -1,11 +1,11 @@
-"""Reads the table of fitted numbers from which the weights and shapes of closures are computed.
+"""Read the table of fitted numbers from which the weights and shapes of closures are computed.
 
 The fits replace integrals without a closed form. They are rational functions in plain arithmetic, so that code
 generation can trace them into shaders. `lookdev.closures.fitting` computes the table and writes it to
 ``data/closure_fits.json``.
 
-A *mix* is the sum of closures that approximates a lobe. Its *shape* is the set of numbers that determine the roughness
-and the share of each closure.
+A *mix* is the sum of closures that approximates a lobe. The *shape* of a mix is the set of numbers that determine the
+roughness and the share of each closure.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ class RetroShape(TypedDict):
     """The shape of the rough diffuse closure in `lookdev.closures.disney`.
 
     `strength` is the closure's roughness at grazing views for a lobe of roughness 1. `distance`, here and in other
-    shapes, tells how far a mix is from its lobe. It has the entries "largest" and "mean", over the views that were
-    compared, of half the L1 distance between the two, both normalised.
+    shapes, is half the L1 distance between a mix and its lobe, both normalised. The entries ``"largest"`` and
+    ``"mean"`` are over the views that were compared.
     """
 
     strength: float
@@ -64,7 +64,7 @@ class AnisotropicShape(TypedDict):
 
 
 class MixShapes(TypedDict):
-    """The shapes of mixes that must be known before the fits, which correct the albedos of these mixes."""
+    """The shapes of mixes that must be known before the fits: some fits correct the albedos of these mixes."""
 
     clearcoat: CoatShape
     highlight: HighlightShape
@@ -80,7 +80,8 @@ class ClosureShapes(MixShapes):
 class ClosureFit(TypedDict):
     """The coefficients of a `Rational`, and its errors.
 
-    `residual` has the errors of directional albedo that the fit causes: "largest", and their root mean square "rms".
+    The fit causes errors of directional albedo. `residual` has the largest error, ``"largest"``, and the root mean
+    square of the errors, ``"rms"``.
     """
 
     numerator: Sequence[Sequence[float]]
@@ -89,7 +90,7 @@ class ClosureFit(TypedDict):
 
 
 class ClosureTable(TypedDict):
-    """The shapes of mixes of closures, and the fits of the factors in their weights, by name."""
+    """The shapes of mixes of closures by name, and the fits by name."""
 
     shapes: ClosureShapes
     fits: dict[str, ClosureFit]

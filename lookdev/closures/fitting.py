@@ -1,13 +1,13 @@
-"""Computes the fits of `lookdev.closures.fits`: ``python -m lookdev.closures.fitting`` writes their table.
+"""Compute the fits of `lookdev.closures.fits`: ``python -m lookdev.closures.fitting`` writes their table.
 
 A *mix* is the sum of closures of Cycles that approximates a lobe of a model. The script integrates lobes and mixes over
 the light by quadrature, for many views. It takes some seconds and is deterministic.
 
-First it searches the *shape* of each mix: the alphas and the shares of its closures. For the best shape, the light that
-the mix reflects is distributed over directions most nearly as with the lobe: the L1 distance of the two distributions,
-averaged over views, is smallest. Then it fits two kinds of functions of the view and the lobe's alpha. The *ratio* is
-the lobe's directional albedo divided by that of its mix. The *typical cosine* is the cosine at which Schlick's weight
-(1 - cosine)^5 has its mean over the lobe.
+First the script searches the *shape* of each mix: the alphas and the shares of its closures. A mix and its lobe each
+distribute reflected light over directions. The best shape has the smallest L1 distance between these two distributions,
+averaged over views. Then the script fits two kinds of functions of the view and the lobe's alpha. The *ratio* is the
+lobe's directional albedo divided by the mix's directional albedo. The *typical cosine* is the cosine at which Schlick's
+weight (1 - cosine)^5 equals its mean over the lobe.
 
 Views up to 85 degrees have equal weights in a fit; beyond, weights fall. Residuals are the largest and the root mean
 square error of the directional albedo for views up to 85 degrees. Errors are relative to the albedo, or to 0.1 where
@@ -87,12 +87,12 @@ class FitGoal:
 
 
 def _tolerance_factor(angle: Floats) -> Floats:
-    """Return a factor for tolerances (n,): 1 for views up to 85 degrees, doubled with each further degree."""
+    """Return a factor for tolerances (n,): 1 for views up to 85 degrees; beyond, it doubles with each degree."""
     return np.where(angle > 85.0, np.exp2(angle - 84.0), 1.0)
 
 
 def ratio_goal(a: Albedos, x: Floats, target: Floats) -> FitGoal:
-    """Return the goal for a function of `x` and alpha whose values, factors of a closure's weight, should be `target`.
+    """Return the goal for a factor of a closure's weight, a function of `x` and alpha with the values `target`.
 
     `a` has the albedos of n setups. `x` and `target` are (n,).
     """
@@ -107,7 +107,8 @@ def ratio_goal(a: Albedos, x: Floats, target: Floats) -> FitGoal:
 def grazing_goal(a: Albedos, factor: Floats) -> FitGoal:
     """Return the goal for the ratio of the albedos of lobe and mix, both with Schlick's weight as the Fresnel term.
 
-    `a` has the albedos of n setups. The ratio is divided by `factor`, (n,), which the closure's weight has already.
+    `a` has the albedos of n setups. The ratio is divided by `factor`, (n,), which the closure's weight already
+    contains.
     """
     # Where the albedo with Schlick's weight is below the floor, the relative tolerance is larger, up to 30 %.
     relative = np.maximum(np.minimum(a.weighted / _FLOOR, 1.0), _TOLERANCE / 0.3)
@@ -117,11 +118,12 @@ def grazing_goal(a: Albedos, factor: Floats) -> FitGoal:
 
 
 def cosine_goal(a: Albedos) -> FitGoal:
-    """Return the goal for the typical cosine, at which Schlick's weight (1 - cosine)^5 has its mean over the lobe.
+    """Return the goal for the typical cosine, at which Schlick's weight (1 - cosine)^5 equals its mean over the lobe.
 
     `a` has the albedos of n setups.
     """
-    # `allowed` is the tolerance of this mean. The fifth root converts mean and tolerance to those of the cosine.
+    # `allowed` is the tolerance of this mean. The fifth root of the mean is 1 minus the cosine. The fifth root also
+    # converts the tolerance.
     mean = a.weighted / a.unweighted
     allowed = _TOLERANCE * np.maximum(mean, _FLOOR / a.unweighted)
     root = mean**0.2
@@ -135,7 +137,8 @@ def diffuse_goal(
 ) -> FitGoal:
     """Return the goal for the weight of a closure that replaces Disney's diffuse lobe with these parameters.
 
-    The weight is a function of the view's cosine and of roughness. `base_color` is grey.
+    The weight is a function of the view's cosine and of roughness. `base_color` is the value of a grey base colour.
+    `roughness` has the values for which the weight is fitted.
     """
     wi, weight = hemisphere_grid(96)
     rows = []
@@ -171,7 +174,7 @@ def retro_goal(grid: LobeGrid) -> FitGoal:
 
 
 def retro_shape() -> RetroShape:
-    """Search the strength of the Oren-Nayar closure with which it resembles Disney's diffuse lobe best.
+    """Search the strength at which the Oren-Nayar closure resembles Disney's diffuse lobe best.
 
     The strength is the closure's roughness at grazing views for a lobe of roughness 1.
     """
@@ -184,7 +187,7 @@ def retro_shape() -> RetroShape:
         lobes.append((wo, roughness, energy / energy.sum()))
 
     def distances(strength: float) -> list[float]:
-        # Half the L1 distance between closure and lobe, both normalised, for each view and roughness.
+        # The values are half the L1 distances between closure and lobe, both normalised, for each view and roughness.
         values = []
         for wo, roughness, lobe in lobes:
             sigma = strength * roughness * (1.0 - wo[2]) ** 3  # as in `lookdev.closures.disney`
@@ -227,7 +230,7 @@ def coat_shape() -> CoatShape:
 def highlight_shape() -> HighlightShape:
     """Search the mix of Beckmann and GGX that resembles Pixar's highlight best.
 
-    The numbers are the width of GGX relative to Beckmann, and the growth of its share with alpha; see
+    The numbers are the width of GGX relative to Beckmann, and the growth of GGX's share with alpha; see
     `lookdev.closures.pixar.highlight_mix`.
     """
     widths = (0.8, 0.85, 0.9, 0.95, 1.0)
@@ -261,11 +264,11 @@ def highlight_shape() -> HighlightShape:
 def _normalised_lobes(
     setups: Sequence[LobeSetup], closures: Callable[[float], Sequence[Closure]]
 ) -> list[tuple[Floats, Floats]]:
-    """Return, for each setup, how the light that its lobe and some closures reflect is distributed over directions.
+    """Return, for each setup, the distributions over directions of the light that its lobe and some closures reflect.
 
     The result has pairs (whole, parts): the distribution of the lobe, (n,), and the distributions, (k, n), of the k
     closures that `closures` returns for the setup's alpha. A distribution has n values, at the nodes of a quadrature;
-    their sum is 1.
+    the sum of the values is 1.
     """
     lobes = []
     for setup in setups:
@@ -287,9 +290,9 @@ def make_shapes() -> MixShapes:
 def make_fits(
     shapes: MixShapes, grid: LobeGrid = FULL, load_fit: Callable[[str], Rational] | None = None
 ) -> dict[str, tuple[Rational, FitGoal]]:
-    """Return each fit for mixes of these shapes by name, as a pair of the fitted function and its goal.
+    """Return the fits for mixes of these shapes by name, each as a pair of the fitted function and its goal.
 
-    With `load_fit`, no fit is computed: this function returns the stored fit of a name.
+    With `load_fit`, no fit is computed: `load_fit` is called with the name of a fit, and returns the fitted function.
     """
     fits: dict[str, tuple[Rational, FitGoal]] = {}
 
@@ -315,7 +318,8 @@ def make_fits(
 
     a = measure_albedos(specular_setups("2012", grid))
     typical = add("specular_cosine_2012", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))(a.cosine, a.alpha)
-    # The closure's weight contains the shadowing of 2012 at the view and at a typical light. The fits are what remains.
+    # The closure's weight contains the shadowing of 2012 at the view and at a typical light. The fits are the factors
+    # that remain.
     roughness = np.tile(grid.roughness, len(grid.angles))
     factors = (shadowing_2012(cosine, roughness) for cosine in (a.cosine, np.clip(typical, 0.0, 1.0)))
     shadowing = np.prod([*factors], axis=0)
@@ -377,20 +381,20 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> AnisotropicShape:
     return {**best, "residual": _residual(errors(best))}
 
 
-_CONSTANT = Degree(0, 0, 0)
+_CONSTANT = Degree(0, 0, 0)  # the degree of a denominator that is constant
 
 
 def _relative_goal(a: Albedos) -> FitGoal:
-    """Return the goal for the ratio of albedos as a function of `relative_cosine`, in which it is smooth, and alpha."""
+    """Return the goal for the ratio of albedos, a smooth function of `relative_cosine` and alpha."""
     return ratio_goal(a, np.asarray(relative_cosine(a.cosine, a.alpha)), a.unweighted / a.mix)
 
 
 def _tilt_goal(shape: HighlightShape, refracted: Sequence[Albedos], straight_fit: Rational) -> FitGoal:
     """Return the goal for the change of a transmitted highlight's ratio if refraction bends the view.
 
-    The change is divided by the tilt, by alpha and by the share of GGX. It is a function of the tilt and the cosine of
-    the refracted view. The tilt is 1 minus the cosine between the view and the refracted view. `refracted` has the
-    albedos for each index of refraction, and `straight_fit` is the ratio without refraction.
+    The change is divided by the tilt, by alpha and by the share of GGX. The quotient is a function of the tilt and the
+    cosine of the refracted view. The tilt is 1 minus the cosine between the view and the refracted view. `refracted`
+    has the albedos for each index of refraction, and `straight_fit` is the ratio without refraction.
     """
     columns = zip(*(vars(albedos).values() for albedos in refracted), strict=True)
     a = Albedos(*map(np.concatenate, columns))
@@ -411,13 +415,13 @@ def fit_entry(rational: Rational, error: Floats) -> ClosureFit:
 
 
 def _residual(error: Floats) -> dict[str, float]:
-    """Return the largest and the root mean square of errors."""
+    """Return the largest of errors, ``"largest"``, and their root mean square, ``"rms"``."""
     largest, rms = float(np.abs(error).max()), float(np.sqrt(np.mean(error * error)))
     return {"largest": _round_figures(largest), "rms": _round_figures(rms)}
 
 
 def _summary(distances: Sequence[float]) -> dict[str, float]:
-    """Return the largest and the mean of distances between mixes and lobes."""
+    """Return the largest of the distances between mixes and lobes, ``"largest"``, and their mean, ``"mean"``."""
     return {"largest": _round_figures(max(distances)), "mean": _round_figures(float(np.mean(distances)))}
 
 

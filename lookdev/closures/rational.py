@@ -1,4 +1,4 @@
-"""Fits rational functions of two variables to values, for `lookdev.closures.fitting`.
+"""Fit rational functions of two variables to values, for `lookdev.closures.fitting`.
 
 Each round is a weighted least squares fit by Levenberg and Marquardt, with an analytic Jacobian. Between rounds, the
 weights grow where errors are large, so that the largest error decreases (Lawson's algorithm). A step is taken only if
@@ -15,7 +15,8 @@ from lookdev.arrays import Floats
 from lookdev.brdf.rational import Rational
 
 _MIN_DENOMINATOR = 0.01  # the floor of the denominator, whose constant term is 1
-# Rounds of a fit, steps of each round, and tries, each with more damping than the one before, of each step.
+# The largest numbers of rounds in a fit, of steps in a round, and of tries for a step. Each try has more damping than
+# the one before.
 _ROUNDS, _STEPS, _TRIES = 8, 40, 8
 
 
@@ -31,7 +32,7 @@ class RationalProblem:
 
 @dataclass(frozen=True)
 class Degree:
-    """The highest powers of a polynomial: of `x`, of `y`, and the largest sum of both (`total`) in a term."""
+    """The degree of a polynomial: the highest powers `x` and `y` of the variables, and their largest sum `total`."""
 
     x: int
     y: int
@@ -45,11 +46,12 @@ class Degree:
 def fit_rational(problem: RationalProblem, numerator: Degree, denominator: Degree) -> Rational:
     """Fit a rational function with polynomials of degrees `numerator` and `denominator` to a problem.
 
-    The result is that step of the iteration whose largest error, relative to the tolerance, is the smallest.
+    The result is the step of the iteration at which the largest error, relative to the tolerance, is smallest.
     """
-    # The denominator's constant term is fixed to 1. `coefficients` has the coefficients of the numerator, followed by
-    # the others of the denominator. Numerator and targets are divided by the tolerances, which are the unit of errors.
-    # `q` is the denominator at the points of the problem, and `domain` has its terms at points of the whole domain.
+    # The denominator's constant term is fixed to 1. `coefficients` has all coefficients of the numerator, followed by
+    # the other coefficients of the denominator. Numerator and targets are divided by the tolerances, so errors are in
+    # units of the tolerance. `q` is the denominator at the points of the problem. `domain` has the denominator's terms
+    # at points of the whole domain.
     numerator_powers, denominator_powers = numerator.terms(), denominator.terms()[1:]
     numerator_terms = _powers(numerator_powers, problem.x, problem.y) / problem.tolerance[:, None]
     denominator_terms = _powers(denominator_powers, problem.x, problem.y)

@@ -1,9 +1,9 @@
-"""Computes the two fits of `lookdev.brdf.reflectance`: ``python -m lookdev.closures.reflectance`` writes their table.
+"""Compute the two fits of `lookdev.brdf.reflectance`: ``python -m lookdev.closures.reflectance`` writes their table.
 
-Both describe Disney's specular lobe of 2014. ``"whole"`` is its directional albedo with a Fresnel term of 1, as a
-function of `relative_cosine` and of alpha. ``"cosine"`` is the cosine at which Schlick's weight (1 - cosine)^5 has its
-mean over the lobe, as a function of the view's cosine and alpha. Residuals are the largest and the root mean square
-error of the albedo for views up to 85 degrees.
+Both fits describe Disney's specular lobe of 2014. ``"whole"`` is the lobe's directional albedo with a Fresnel term of
+1, as a function of `relative_cosine` and of alpha. ``"cosine"`` is the cosine at which Schlick's weight (1 - cosine)^5
+equals its mean over the lobe, as a function of the view's cosine and alpha. Residuals are the largest and the root mean
+square error of the albedo for views up to 85 degrees.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _TOLERANCE = 0.01  # the tolerated error of a directional albedo
 def make_table(grid: LobeGrid = FULL) -> dict[str, ClosureFit]:
     """Return the table of coefficients and residuals, with the keys ``"whole"`` and ``"cosine"``."""
     albedos = measure_albedos(specular_setups("2014", grid))
-    inside = albedos.angle < 89.2  # beyond, both functions change fast, and matter little
+    inside = albedos.angle < 89.2  # beyond 89.2 degrees, both functions change fast, and matter little
     x = np.asarray(relative_cosine(albedos.cosine, albedos.alpha))
     problem = RationalProblem(
         x[inside], albedos.alpha[inside], albedos.unweighted[inside], np.full(np.count_nonzero(inside), _TOLERANCE)
     )
     whole = fit_rational(problem, Degree(3, 3, 3), Degree(2, 2, 2))
     # Schlick's weight is (1 - cosine)^5: the fifth root of its mean is 1 minus the cosine. The tolerance of the albedo
-    # is converted to one of the cosine in the same way.
+    # is converted to a tolerance of the cosine in the same way.
     root = (albedos.weighted / albedos.unweighted) ** 0.2
     tolerance = np.minimum(((albedos.weighted + _TOLERANCE) / albedos.unweighted) ** 0.2 - root, 0.3)
     problem = RationalProblem(albedos.cosine[inside], albedos.alpha[inside], 1.0 - root[inside], tolerance[inside])

@@ -1,7 +1,7 @@
-"""The data of `lookdev.closures.fitting`: lobes of the models, and mixes of closures for them, with their albedos.
+"""Make the data of `lookdev.closures.fitting`: lobes of the models, mixes of closures, and the albedos of both.
 
-A *setup* is a lobe at one view with its *mix*, the closures of Cycles that approximate it. Integrals over the light are
-computed by quadrature.
+A *setup* is a lobe at one view with its *mix*, the closures of Cycles that approximate the lobe. Integrals over the
+light are computed by quadrature.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ SHAPE_ANGLES = np.array([0.0, 30.0, 50.0, 65.0])
 """Angles of the view, in degrees from the normal, at which the shapes of lobes and mixes are compared."""
 
 COARSE = (24, 16)
-"""The cells of `half_vector_grid`, along slope and azimuth, with which shapes are compared."""
+"""The numbers of cells of `half_vector_grid`, along slope and azimuth, with which shapes are compared."""
 
-_CELLS = (48, 32)  # of `half_vector_grid`, for albedos
+_CELLS = (48, 32)  # the numbers of cells of `half_vector_grid` with which albedos are computed
 
 
 @dataclass(frozen=True, eq=False)
 class LobeGrid:
     """The values of the view and of lobe parameters for which lobes are integrated.
 
-    `angles` of the view, from the normal, and `cones` are in degrees. `roughness` and `gloss` are Disney's parameters.
-    A cone is the angle at which Pixar's highlight has fallen to a tenth; `iors_minus_one` are indices of refraction of
-    transmitted highlights, minus 1.
+    `angles` are angles of the view from the normal, in degrees. `roughness` and `gloss` are Disney's parameters. A cone
+    in `cones` is the angle, in degrees, at which Pixar's highlight has fallen to a tenth. `iors_minus_one` are indices
+    of refraction of transmitted highlights, minus 1.
     """
 
     angles: Floats
@@ -69,8 +69,8 @@ class LobeSetup:
 
     angle : the angle of `wo` from the normal, in degrees.
     wo : the direction (3,) to the viewer.
-    view : `wo`, refracted if the lobe transmits, (3,).
-    width : the alpha of the narrowest of lobe and closures, to which the quadrature adapts.
+    view : the direction `wo`, refracted if the lobe transmits, (3,).
+    width : the alpha of the narrowest one among lobe and closures; the quadrature adapts to it.
     alpha : the alpha of the lobe, a variable of the fits.
     unweighted : the lobe with a Fresnel term of 1.
     weighted : the lobe with Schlick's weight (1 - cosine)^5 as its Fresnel term.
@@ -92,9 +92,9 @@ class Albedos:
     """Directional albedos of n setups; all arrays are (n,).
 
     `unweighted` and `mix` are the albedos of lobe and mix with a Fresnel term of 1. `weighted` and `mix_weighted` are
-    their albedos with Schlick's weight as the Fresnel term. `angle` and `alpha` are as in the setups. `cosine` is the
-    cosine between `LobeSetup.view` and the normal. `tilt` is 1 minus the cosine between `LobeSetup.wo` and
-    `LobeSetup.view`.
+    the albedos of lobe and mix with Schlick's weight as the Fresnel term. `angle` and `alpha` are as in the setups.
+    `cosine` is the cosine between `LobeSetup.view` and the normal. `tilt` is 1 minus the cosine between `LobeSetup.wo`
+    and `LobeSetup.view`.
     """
 
     angle: Floats
@@ -147,7 +147,8 @@ def highlight_setups(
 ) -> list[LobeSetup]:
     """Return setups of Pixar's highlights with a mix of this shape.
 
-    The highlights are transmitted if `ior_minus_one`, the index of refraction minus 1, is given; otherwise reflected.
+    If `ior_minus_one` is None, the highlights are reflected. Otherwise they are transmitted, and `ior_minus_one` is the
+    index of refraction minus 1.
     """
     setups = []
     for angle in grid.angles:
@@ -177,7 +178,7 @@ def measure_albedos(setups: Sequence[LobeSetup]) -> Albedos:
         mix_weighted = (values[2] * schlick_weight(DirectionPair.from_directions(setup.view, wi).cos_theta_d)) @ weight
         if setup.unweighted.transmits:
             # A mix that transmits is symmetric about its own normal, the refracted view, and twice as wide as half
-            # vectors. Its grid is that of a reflection seen from above, tilted to this normal.
+            # vectors. Its grid is the grid of a reflection seen from above, tilted to this normal.
             wi, weight = half_vector_grid(view_at(0.0), setup.width, _CELLS)
             light = -np.asarray(TiltedFrame(setup.view).from_local(wi))
             mix = sum(closure_cosine(closure, setup.wo, light)[:, 0] for closure in setup.mix) @ weight
@@ -197,7 +198,7 @@ def mix_distance(setup: LobeSetup) -> float:
 def setup_values(setup: LobeSetup, wi: Floats) -> Floats:
     """Return the values (3, n), times the cosine, of the unweighted lobe, the weighted lobe and the mix.
 
-    `wi`, (n, 3), are directions to the light. For a lobe that transmits, they are mirrored to the viewer's side.
+    `wi`, (n, 3), are directions to the light. If the lobe transmits, `wi` are mirrored to the viewer's side.
     """
     directions = DirectionPair.from_directions(setup.wo, wi)
     light = np.asarray(mirror_across_surface(wi)) if setup.unweighted.transmits else wi
@@ -220,7 +221,7 @@ def disney_lobe(name: str, wo: Floats, **parameters: object) -> Lobe:
 def _highlight(cone: float, ior_minus_one: float | None, normal: float, wo: Floats) -> Lobe:
     """Return Pixar's highlight of a cone in degrees, reflected or transmitted as in `highlight_setups`.
 
-    `normal` is its reflectance at normal incidence: with 1 the Fresnel term is 1, with 0 it is Schlick's weight.
+    `normal` is the reflectance at normal incidence: with 1, the Fresnel term is 1; with 0, it is Schlick's weight.
     """
     terms = dict.fromkeys(
         (*REFLECTED_LOBES, *TRANSMITTED_LOBES), PartitionLobe(normal * WHITE, WHITE, cone, ior_minus_one or 0.0)

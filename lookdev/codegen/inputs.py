@@ -35,11 +35,13 @@ class SymbolicSurface:
     graph: Graph
     resolve: Callable[[Texture | Bump], Path]
     attributes: dict[str, AttributeBinding] = field(default_factory=dict)
-    # The name of each look-up, by its texture's file, coordinates, wrap modes etc. Two look-ups differ in one of these.
+    # The names of the look-ups. A key has all properties of a texture in which two look-ups can differ: file, colour
+    # space, wrap modes, UV set and transform, and for a height map also channel and scale.
     _lookups: dict[tuple[object, ...], str] = field(default_factory=dict)
     # The texture or height map of each look-up, by the look-up's name.
     _images: dict[str, Texture | Bump] = field(default_factory=dict)
-    # For each symbol, the attribute that it is a component of; or the look-up that it is a channel of, then its UV set.
+    # The names of what each symbol depends on, by the symbol. A component of an attribute depends on the attribute. A
+    # channel of a look-up depends on the look-up and on the parameter of its UV set.
     _sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def attributes_read_by(self, symbols: Iterable[str]) -> list[AttributeBinding]:
@@ -72,6 +74,7 @@ class SymbolicSurface:
         """
         source = self._images[name]
         texture = resolve_texture(source.height if isinstance(source, Bump) else source)
+        # An image without UDIM tiles has the key 0, a tile has its number.
         tiles = udim_tiles(texture) or {0: texture}
         files = {number: self._file(source, tile) for number, tile in tiles.items()}
         uv, transform = self._uv_attribute(texture.st), tuple(map(float, texture.transform))
@@ -113,7 +116,7 @@ class SymbolicSurface:
         return source if source in self._images else None
 
     def _look_up_name(self, source: Texture | Bump) -> str:
-        """Return the name of the look-up of a texture or height map; add the look-up unless an equal one exists."""
+        """Return the name of a look-up of a texture or height map; add the look-up unless an equal one exists."""
         texture = source.height if isinstance(source, Bump) else source
         height = (texture.channel, texture.scale) if isinstance(source, Bump) else ()
         key = texture.file, texture.colorspace, texture.wrap_s, texture.wrap_t, texture.st, texture.transform, height
@@ -132,9 +135,10 @@ class SymbolicSurface:
         return symbol(self.graph, name)
 
     def _symbols(self, source: str, components: Sequence[str]) -> SymbolicArray:
-        """Return the symbols of the components of `source`, an attribute or a look-up, and record what they depend on.
+        """Return the symbols of an attribute's components or a look-up's channels, and record what they depend on.
 
-        `components` are the suffixes of their names, such as ``"[0]"``.
+        `source` is the name of the attribute or look-up. The names of the symbols are `source` with the suffixes
+        `components`, such as ``"[0]"``.
         """
         names, image = [f"{source}{component}" for component in components], self._images.get(source)
         texture = image.height if isinstance(image, Bump) else image

@@ -1,7 +1,7 @@
-"""The inputs of a stack of layers as rows of a table, one for each point, for checks that evaluate BSDFs in a renderer.
+"""Define a table with the inputs of a stack of layers at many points, for checks that evaluate BSDFs in a renderer.
 
-Generated code reads two directions and the layers' inputs from the row of a point, and evaluates the BSDF there
-(`codegen.osl.points`).
+Each row of the table belongs to a point. Generated code reads two directions and the layers' inputs from the row, and
+evaluates the BSDF (`codegen.osl.points`).
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from lookdev.material.values import view_dependent_value
 
 @dataclass(frozen=True)
 class PointLayer:
-    """The inputs of a layer on which its generated code depends; the table has the other inputs.
+    """One layer: the inputs on which its generated code depends. The table has the layer's other inputs.
 
-    A number here is an input of one or three components: the mask, or a parameter that is not a token.
+    The mask and all parameters that are not tokens are called numbers; they have one or three components.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class PointLayer:
     constants
         The numbers that are the same at every point, by name. They fold as in the shader of a look.
     following
-        The names of the numbers that have the value of another parameter, `Parameter.follows`.
+        The names of the numbers that have the value of the parameter that they follow (`Parameter.follows`).
     formulas
         The text of the numbers that are expressions of the cosine between view and normal, by name.
     """
@@ -61,7 +61,10 @@ class PointLayer:
         return {name: shape for name, shape in ({"mask": ()} | shapes).items() if name not in computed}
 
     def stack_layer(self, numbers: Mapping[str, Array], view: Array) -> StackLayer:
-        """Return the layer whose other inputs are `numbers`, by name; `view` (...) is the cosine of view and normal."""
+        """Return the layer with all its inputs.
+
+        `numbers` has the inputs that are in the table, by name. `view` (...) is the cosine between view and normal.
+        """
         parameters = dict(MODELS[self.model].parameters)
         constants = {name: np.asarray(value, dtype=np.float64) for name, value in self.constants.items()}
         computed = {
@@ -75,7 +78,10 @@ class PointLayer:
 
 
 def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
-    """Return the BSDF of layers, base first, whose numbers are symbols of `graph` with the names in `point_columns`."""
+    """Return the BSDF of layers, base first.
+
+    The numbers that the table has are symbols of `graph`, named like the table's columns (`point_columns`).
+    """
     stack = []
     for number, layer in enumerate(layers):
         columns = _layer_columns(number, layer).items()
@@ -85,13 +91,13 @@ def point_bsdf(graph: Graph, layers: Sequence[PointLayer]) -> Bsdf:
 
 
 def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:
-    """Return the names of a table's columns: wo, wi, then the numbers of each layer that the table has."""
+    """Return the names of a table's columns: wo, wi, then, for each layer, the numbers that the table has."""
     columns = (_layer_columns(number, layer).values() for number, layer in enumerate(layers))
     return (*WO, *WI, *chain(*chain(*columns)))
 
 
 def point_cells(layers: Sequence[PointLayer]) -> int:
-    """Return the number of texels in a row of a table of points; a texel has three columns.
+    """Return the number of texels in a row of a table; a texel has three columns.
 
     The number is a power of two, so that texel centres are exact in float32. A look-up at a centre then returns the
     texel, although it interpolates.
@@ -100,7 +106,10 @@ def point_cells(layers: Sequence[PointLayer]) -> int:
 
 
 def _layer_columns(number: int, layer: PointLayer) -> dict[str, list[str]]:
-    """Return the names of the columns of each number of a layer that the table has; `number` is the layer's index."""
+    """Return the names of the columns of each input that the table has for a layer, by the input's name.
+
+    `number` is the layer's index.
+    """
     return {
         name: [f"layer{number}_{name}_{i}" for i in range(3)] if shape else [f"layer{number}_{name}"]
         for name, shape in layer.shapes().items()

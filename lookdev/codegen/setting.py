@@ -32,16 +32,16 @@ class SourceSetting:
         Width and height of the picture in pixels. The code depends on them because each pixel has its own scramble of
         the sample sequence.
     sampling
-        How light is sampled. A number of directions that is None here is chosen for each look.
+        How light is sampled. If a number of directions is None, it is chosen for each look.
     shadows
         Whether the asset can occlude light. Without shadows there are no bounces either.
     catching
-        In a scene with a shadow catcher, ``"ground"`` or ``"asset"``: the one that has the look.
+        In a scene with a shadow catcher, ``"ground"`` or ``"asset"``: the one that has the look. Else ``""``.
     resolve
-        A function that returns the linear EXR file of a texture, or that of the slopes of a height map. If it is None,
-        the files are those of the cache.
+        A function that returns the linear EXR file of a texture, or the file of the slopes of a height map. If it is
+        None, the files are those of the cache.
     light_groups
-        The number of the group of each light, if a pass records groups of lights.
+        If a pass records groups of lights: the number of each light's group, in the order of `lights`. Else empty.
     space
         The colour space of the lights and of reflected light.
     """

@@ -2,7 +2,7 @@
 
 A `GeneratedSource` is one look for one backend: OSL text (`ShaderSource`), node trees (`NodeSource`), operations on
 numbers (`ProgramSource`), or Blender's Principled BSDF (`PrincipledSource`). Bindings are the files and the mesh
-attributes that it reads.
+attributes that a source reads.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _RESERVED = {
     # Attributes of Blender and of this package, and globals of OSL.
     "position", "material_index", "sharp_face", "sharp_edge", "crease_vert", "crease_edge", "id", "radius",
     "velocity", "normal", "custom_normal", "prototype", "matrix", "N", "P",
-    # Cycles computes these attributes, and looks them up before those of a mesh.
+    # Cycles computes these attributes, and looks them up before the attributes of a mesh.
     "Ng", "corner_normal", "face_normal", "uv", "tangent", "tangent_sign", "undisplaced_tangent",
     "undisplaced_tangent_sign", "vertex_color", "generated", "generated_transform", "undeformed", "undisplaced",
     "particle", "undisplaced_N", "motion_P", "motion_N", "curve_intercept", "curve_length", "curve_random",
@@ -63,11 +63,11 @@ class TableBinding:
 
 @dataclass(frozen=True)
 class AttributeBinding:
-    """A mesh attribute, and the parameter of a shader that has its value.
+    """A mesh attribute, and the name of the shader's parameter that has the attribute's value.
 
-    `attribute` is the attribute's name in USD, `TANGENT` or `HANDEDNESS`. `kind` is the type of its values; a ``"uv"``
-    is a UV set. On a mesh without the attribute, the value is `fallback`. UV sets and tangents have no fallback: every
-    mesh must have them.
+    `attribute` is the attribute's name: either its name in USD, or one of `TANGENT` and `HANDEDNESS`. `kind` is the
+    type of the values; a ``"uv"`` is a UV set. On a mesh without the attribute, the value is `fallback`. UV sets and
+    tangents have no fallback: every mesh must have them.
     """
 
     parameter: str
@@ -112,9 +112,9 @@ TANGENT_BINDING = AttributeBinding("shading_tangent", TANGENT, "vector")
 class GeneratedSource(Protocol):
     """A look generated for one backend: a frozen dataclass of plain data.
 
-    `attributes` are the mesh attributes that it reads, `images` the files of its textures. Its `digest` depends on
-    everything that affects the picture. The look `transmits` if light passes through its surface. It is `see_through`
-    if its presence is below 1 somewhere.
+    `attributes` are the mesh attributes that the source reads, `images` the files of its textures. The `digest` depends
+    on everything that affects the picture. The look `transmits` if light passes through its surface. The look is
+    `see_through` if its presence is below 1 somewhere.
     """
 
     @property
@@ -132,15 +132,16 @@ class GeneratedSource(Protocol):
 
 
 Catching = Literal["", "ground", "asset"]
-"""In a scene with a shadow catcher: whether a look is that of the ground or of the asset; else ``""``."""
+"""In a scene with a shadow catcher, ``"ground"`` or ``"asset"``: the one that has a look. Else ``""``."""
 
 LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "sheen", "transmission")
-"""The groups of lobes whose light a render can record as a picture each. The last one has all transmitting lobes."""
+"""The groups of lobes: a render can record a picture of each group's light. The last has all transmitting lobes."""
 
 FIRST_LIGHT_PART = 2 + len(LOBE_GROUPS)
-"""The number of the first group of lights among the parts of the light that a shader records.
+"""The number of the first group of lights among the numbered parts of the light that a shader records.
 
-Part 0 is all light, part 1 the light of lamps and domes that the first hit reflects, part 2 + i the group i of lobes.
+Part 0 is all light. Part 1 is the light of lamps and domes that the first hit reflects. Part 2 + i is the light of
+group i in `LOBE_GROUPS`.
 """
 
 
@@ -164,11 +165,11 @@ class ShaderSource:
         Indices of the constants that are parameters of the compiled shader, rather than part of its code. Sources of
         one `program` differ only in these constants.
     recorded
-        The groups in `LOBE_GROUPS` that the look has, if the source can record the light of each group.
+        The groups in `LOBE_GROUPS` that the look has, if the source can record the light of each group. Else empty.
     folded
         The number of lobes for which no code is generated, because the look's constants make them 0.
     catching
-        Whether the look is that of the ground or of the asset in a scene with a shadow catcher (`Catching`).
+        Whether the ground or the asset has the look, in a scene with a shadow catcher (`Catching`).
     """
 
     name: str
@@ -199,10 +200,10 @@ class ShaderSource:
 
 
 def shared_programs(sources: Iterable[ShaderSource]) -> dict[ShaderSource, ShaderSource]:
-    """Return an equivalent of each source, whose `ShaderSource.program` is the same for all sources of the same text.
+    """Return an equivalent of each source, by the source; sources of the same text then share `ShaderSource.program`.
 
-    A constant that differs among these sources becomes `varying`: it is a parameter of the shader instead of a literal
-    in its code. The pictures stay the same.
+    A constant that differs among sources of the same text becomes `varying`: it is a parameter of the shader instead of
+    a literal in its code. The pictures stay the same.
     """
     by_text: dict[ShaderSource, list[ShaderSource]] = {}
     for source in dict.fromkeys(sources):
@@ -219,8 +220,8 @@ def shared_programs(sources: Iterable[ShaderSource]) -> dict[ShaderSource, Shade
 class ProgramOperation:
     """One operation in a program's list of operations.
 
-    The result of an operation is a number or a boolean. `operands` are the indices of earlier operations in the list,
-    whose results this one reads. `op` is NumPy's name of a ufunc, ``"where"``, or one of these:
+    The result of an operation is a number or a boolean. The operation reads the results of earlier operations;
+    `operands` are the indices of these in the list. `op` is NumPy's name of a ufunc, ``"where"``, or one of these:
 
     ``"constant"``
         The result is the number `value`.
@@ -247,10 +248,11 @@ class ProgramOperation:
 class ImageBinding:
     """A look-up of an image in generated code.
 
-    The symbols ``<name>[0]``, ``<name>[1]``, ``<name>[2]`` and ``<name>_a`` are the image's four channels. The texture
-    coordinates s and t are the attribute `uv` after the affine map `transform`: its first three numbers are the row
-    for s, the others the row for t. `files` has the images by the number of their UDIM tile, or the only image by 0.
-    With `slopes`, channels 0 and 1 are the slopes of a height map by s and t, which change sign where the image is
+    The symbols ``<name>[0]``, ``<name>[1]``, ``<name>[2]`` and ``<name>_a`` are the image's four channels. `uv` is the
+    shader's parameter for the UV set. The affine map `transform` converts UV coordinates to the texture coordinates s
+    and t: its first three numbers are the row for s, the others the row for t. `wrap_s` and `wrap_t` are wrap modes of
+    UsdUVTexture. `files` has the images of UDIM tiles by the tile's number; an image without tiles has the key 0. With
+    `slopes`, channels 0 and 1 are the slopes of a height map along s and t. A slope changes sign where the image is
     mirrored.
     """
 
@@ -269,7 +271,8 @@ class ProgramSource:
 
     If `shadows`, rays are traced from the shading point. A look is `glossy` if none of its lobes is broad, transmits or
     crosses the surface (`lookdev.brdf.Lobe`). `recorded` and `folded` are as in `ShaderSource`. `deltas` is the number
-    of terms that scatter along a single direction.
+    of terms that scatter along a single direction. Operations read `constants` and `tables` by index. Symbols are
+    channels of `look_ups`, components of `attributes`, and other values that the renderer supplies.
 
     `outputs` has the indices of the operations whose results are the components of an output, by the output's name. In
     this list, a number in parentheses is the number of components, 1 where it is left out:
@@ -277,18 +280,20 @@ class ProgramSource:
     ``tangent``, ``bitangent``, ``normal``, ``facet`` (3)
         The axes of the shading frame and the facet's normal in world space, functions of the symbols of the mesh.
     ``value`` (3), ``pdf``
-        The BSDF times the cosine, summed over the lobes, and its density. They are functions of the symbols ``wo_x`` to
-        ``wo_z`` and ``wi_x`` to ``wi_z``, the directions to the viewer and to the light in the shading frame.
+        The BSDF times the cosine, summed over the lobes, and the density with which ``wi`` is drawn. They are functions
+        of the symbols ``wo_x`` to ``wo_z`` and ``wi_x`` to ``wi_z``, the directions to the viewer and to the light in
+        the shading frame.
     ``wi`` (3)
         A direction to the light, drawn by the symbols ``u1`` and ``u2``.
     ``diffuse`` (3)
         The part of ``value`` from diffuse lobes.
     ``of_<group>`` (6)
-        The part of ``value`` from the lobes of a group, then the part of this from diffuse lobes. Each group in
-        `recorded` that has lobes has this output.
+        The part of ``value`` from the lobes of a group (3), then the part of ``value`` from the diffuse lobes among
+        them (3). Each group in `recorded` that has lobes has this output.
     ``delta0``, ``delta1``, ... (7)
-        A single direction (3), the factor of light from there (3), and the index of its group in `LOBE_GROUPS`. They
-        also depend on the symbol ``inside``, which is 1 where the viewer is inside the solid.
+        A single direction (3), the factor of light from there (3), and the index in `LOBE_GROUPS` of the group in which
+        this light is recorded. These numbers also depend on the symbol ``inside``, which is 1 where the viewer is
+        inside the solid.
     ``presence``
         The presence. It exists if the look is `see_through`.
     ``albedo``, ``bent`` (3)
@@ -368,9 +373,9 @@ class ShaderNode:
 
     `kind` is Blender's type without the prefix ``ShaderNode`` (``"Math"``), or ``"NodeGroupInput"``,
     ``"NodeGroupOutput"``. `properties` are attributes of the node (``{"operation": "ADD"}``), `inputs` the values of
-    its sockets by Blender's identifier. A ``"Group"`` is an instance of the tree named `group`. A ``"TexImage"`` reads
-    the file `image`, without colour conversion. `position` is the upper left corner of the node in Blender's editor, in
-    Blender's units.
+    its sockets by Blender's identifier. `label` is Blender's label of the node, or ``""``. A ``"Group"`` is an instance
+    of the tree named `group`. A ``"TexImage"`` reads the file `image`, without colour conversion. `position` is the
+    upper left corner of the node in Blender's editor, in Blender's units.
     """
 
     name: str
@@ -401,7 +406,7 @@ class GroupSocket:
 
 @dataclass(frozen=True)
 class NodeTree:
-    """The nodes of a group, or of a material, which has no inputs and outputs."""
+    """The nodes of a group or of a material. Only a group has `inputs` and `outputs`, the sockets of its interface."""
 
     name: str
     nodes: tuple[ShaderNode, ...]

@@ -1,4 +1,4 @@
-"""Read the hand-written shader files of `lookdev/shaders`: templates that generated code completes, and sections.
+"""Read hand-written shader files: templates, which generated code completes, and files divided into sections.
 
 The emitters of OSL and GLSL use this module.
 """
@@ -23,7 +23,7 @@ def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
     Raises
     ------
     CodegenError
-        The template has a section that `sections` lacks.
+        The template has a placeholder for a section that `sections` lacks.
     """
     lines: list[str] = []
     for line in (SHADERS / name).read_text(encoding="utf-8").splitlines():

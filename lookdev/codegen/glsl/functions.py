@@ -4,8 +4,8 @@ Each operation becomes a line, and the browser's compiler optimizes the lines fu
 
 Numbers are float32. For `sin`, `cos` and `atan`, GLSL requires only three or four digits, and implementations do not
 give more. `pow` and `atan` are undefined for some arguments for which NumPy has values. GLSL has no `expm1`.
-``PRELUDE`` therefore defines replacements. Those of the angle functions reduce the argument to an eighth of a turn or
-less, and then sum a series that is accurate to the last place of float32.
+``PRELUDE`` therefore defines replacements. The replacements of the angle functions reduce the argument to an eighth of
+a turn or less, and then sum a series that is accurate to the last place of float32.
 """
 
 from __future__ import annotations
@@ -65,7 +65,8 @@ float look_up(highp sampler2D table, float cell) {
 """
 """The functions that generated code calls. A shader contains this text once, before the generated code."""
 
-# Templates of GLSL for the operations: those of `operators.CODE`, except where GLSL has another name or too few digits.
+# Format strings of GLSL, by the operation's name. They are those of `operators.CODE`, except where GLSL has another
+# name or too few digits.
 _CODE = {operation: strip_parentheses(code) for operation, code in CODE.items()} | {
     "absolute": "abs({})",
     "expm1": "look_expm1({})",

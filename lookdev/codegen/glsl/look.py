@@ -77,15 +77,15 @@ class LookFunctions:
     ``look_draw(wi)``
         Draws a direction in the shading frame by ``u1`` and ``u2``.
     ``look_presence(presence)``
-        Sets the presence. It exists if the look's program is `see_through`.
+        Sets the presence. This function exists if `program` is `see_through`.
     ``look_delta<k>(direction, factor)``
         Sets the direction of delta lobe `k`, and the factor of light from there. The direction's z is 0 where the lobe
         does not scatter.
 
-    `numbers` has the values of the uniforms, by name; a uniform is a ``float`` or a ``vec3``. The image of look-up
-    ``<name>`` is the uniform ``sampler2D look_<name>`` (RGBA32F); each UDIM tile has one of its own,
-    ``look_<name>_<tile>``. Table `k` of the program is ``sampler2D look_table<k>`` (R32F), in rows of
-    `functions.TABLE_WIDTH` numbers.
+    `numbers` has the values of the uniforms that are live constants, by name; each is a ``float`` or a ``vec3``. The
+    image of look-up ``<name>`` is the uniform ``sampler2D look_<name>`` (RGBA32F). If the image has UDIM tiles, each
+    tile is a uniform ``sampler2D look_<name>_<tile>``. Table `k` of the program is ``sampler2D look_table<k>`` (R32F),
+    in rows of `functions.TABLE_WIDTH` numbers.
     """
 
     text: str

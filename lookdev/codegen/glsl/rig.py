@@ -32,10 +32,10 @@ from lookdev.light.picture import LEVELS
 RIG_WIDTH = 2048
 """The width in texels of the texture that holds a rig's numbers, one per texel (R32F), row after row."""
 
-# The parameters of the GLSL functions, by the functions' names in `program.lamps`, which defines their results: of a
-# lamp's shadow, of a dome with a finite radius ("ball"), of a textured rectangle ("picture") and of any lamp. The
-# ``out`` parameters are the numbers of a traced result, in order. ``light`` is the number of the light, ``p`` the
-# shading point and ``w`` a direction, both in the light's coordinates.
+# The parameters of the GLSL functions, by the functions' names in `program.lamps`, which also describes their results.
+# There is a dict for the shadow of a lamp, for a dome with a finite radius ("ball"), for a textured rectangle
+# ("picture") and for a lamp of any kind. The ``out`` parameters are the numbers of a traced result, in order. ``light``
+# is the number of the light, ``p`` the shading point and ``w`` a direction, both in the light's coordinates.
 _P, _W = "int light, vec3 p", "vec3 w"
 _PART = "float part_s, float part_t, float size"
 _SAMPLE_OUTPUTS = "out vec3 w, out float distance, out float pdf"
@@ -70,27 +70,28 @@ class RigFunctions:
     ``rig_meet_surface``, which stores the point, the shading frame and the number of the asset's slot in globals.
 
     ``rig_arriving``
-        Returns the radiance from a direction, summed over the lights. That of each light is divided by the density with
-        which the BSDF's and the light's strategies together draw the direction.
+        Returns the radiance from a direction, summed over the lights. The radiance of each light is divided by the
+        density with which the BSDF's and the light's strategies together draw the direction.
     ``rig_draw``
         Draws a direction to a light, and returns the radiance from there.
     ``rig_meet_occluders``
         Finds the occluders in a direction. It exists if the macro ``SHADOWS`` is 1. It calls a function that the shader
-        defines, ``float occluder_distance(vec3 w, float reach, int spared, bool any)``. This returns the distance of
-        the nearest occluder within ``reach``, or with ``any`` of an arbitrary one, and ignores the slots of the set
-        ``spared`` of `CodedRig.shadow_excluded`.
+        defines, ``float occluder_distance(vec3 w, float reach, int spared, bool any)``. This function returns the
+        distance of the nearest occluder within ``reach``, or with ``any`` the distance of an arbitrary one. It ignores
+        the slots of set number ``spared`` in `CodedRig.shadow_excluded`.
     ``rig_passed``
-        Returns the share of a light that passes these occluders. It exists if ``SHADOWS`` is 1.
+        Returns the share of a light that passes the occluders found. It exists if ``SHADOWS`` is 1.
 
     The text declares these uniforms:
 
     ``vec4 turns``
-        Sine and cosine of the rotation angle of the lights that turn with the rig, then those of the other lights.
+        The sine and cosine of the rotation angle of the lights that turn with the rig, then the sine and cosine of the
+        rotation angle of the other lights.
     ``sampler2D rig_numbers``
         The texture of `numbers`, in rows of `RIG_WIDTH`.
     ``dome<k>_map``, ``dome<k>_points`` (RGBA32F), ``isampler2D dome<k>_slots``
-        The map and the sampling tables of dome `k` of `domes`. A dome of constant radiance is None there, and has no
-        textures.
+        The map and the sampling tables of dome `k` of `domes`. In `domes`, a dome of constant radiance is None; it has
+        no textures.
     ``picture<k>`` (RGBA32F)
         The texture of rectangle light `k` of `pictures`.
     ``sampler2D rig_tables``
@@ -116,8 +117,8 @@ def rig_functions(
     """Return the functions of lights that illuminate an asset.
 
     A slot is a part of the asset with a look of its own. For each slot, `lights_by_slot` has the indices in `lights` of
-    those that illuminate it. `groups` has each slot's shadow group: a light's shadow link excludes whole groups.
-    `origin` places the shader's coordinates in the world.
+    the lights that illuminate the slot. `groups` has each slot's shadow group: a light's shadow link excludes whole
+    groups. `origin` places the shader's coordinates in the world.
     """
     rig = CodedRig.from_lights(lights)
     domes = tuple(None if light.constant else light.map_dome for light in rig.domes)
@@ -189,7 +190,10 @@ def _array(name: str, values: Sequence[int]) -> str:
 
 
 def _lamp_functions(rig: CodedRig) -> Iterator[str]:
-    """Yield functions for each kind of lamp, such as ``rect_draw``, then those that call them by a lamp's kind."""
+    """Yield functions for each kind of lamp, such as ``rect_draw``, then those for any lamp, such as ``lamp_draw``.
+
+    A function for any lamp calls the function of the lamp's kind.
+    """
     shapings = [emission.shaping for emission in rig.emissions if emission.shaping]
     profiles = [shaping.profile for shaping in shapings if shaping.profile]
     steps = max((profile.steps for profile in profiles), default=0)
@@ -223,7 +227,7 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
 def _traced_functions(functions: FunctionOperations, prefix: str, parameters: Mapping[str, str]) -> Iterator[str]:
     """Yield the lines of the functions ``<prefix>_<name>``; `parameters` has their GLSL parameters by name.
 
-    Each function first reads the fields of the lamp's row that it needs into variables.
+    Each function first reads the fields that it needs from the light's row into variables.
     """
     operations, results = functions
     for name, signature in parameters.items():
@@ -251,7 +255,11 @@ def _picture_functions(count: int) -> Iterator[str]:
 
 
 def _dome_functions(domes: Sequence[Light]) -> Iterator[str]:
-    """Yield the samplers of domes, the functions of domes with a finite radius, and those that read dome number k."""
+    """Yield the samplers of domes, and the functions of domes with a finite radius.
+
+    Then yield two functions that take the number of a dome: ``dome_map`` looks up the dome's map, and ``dome_drawn``
+    draws a direction.
+    """
     if not domes:
         return
     if any(not light.is_infinitely_far for light in domes):

@@ -65,14 +65,14 @@ It returns the group's name and the values of the group's inputs by name, or Non
 class TreeBuilder:
     """Collects the nodes of one tree; nodes that are equal are added once.
 
-    A value is a scalar, or a vector of three components. If its components have the same operation, one vector node
-    computes all of them. A scalar that is also such a component is then separated from the vector.
+    A value is a scalar, or a vector of three components. If the components of a vector have the same operation, one
+    vector node computes all of them. A scalar that is also such a component is then separated from the vector.
     """
 
     def __init__(self, name: str, match_group: GroupMatcher = lambda node: None) -> None:
         self.name = name
         self._match_group = match_group
-        # The nodes by name, and their names by all that distinguishes them.
+        # The nodes by name; and their names by a key of kind, properties, inputs, group and image.
         self._nodes: dict[str, ShaderNode] = {}
         self._names: dict[tuple[object, ...], str] = {}
         # The output to which one symbol, or three together, are bound.
@@ -166,7 +166,7 @@ class TreeBuilder:
         return NodeTree(self.name, nodes, group_inputs, tuple(outputs))
 
     def _term_value(self, term: NodeTerm) -> NodeLink:
-        """Return the output that has the value of a term, adding the nodes that compute it."""
+        """Add the nodes that compute a term, and return the output that has the term's value."""
         self._plan([term])
         stack = [term]
         while stack:
@@ -264,7 +264,10 @@ class TreeBuilder:
         return recipe
 
     def _is_vector(self, triple: Triple) -> bool:
-        """Return whether three values are constant, equal, bound as a vector, or computed by a single node."""
+        """Return whether three values need no Combine XYZ node to become a vector.
+
+        They are constant, equal, bound as a vector, or computed by a single node.
+        """
         term = _term(triple)
         if not _is_term(term) or not isinstance(term, tuple):
             return True
@@ -337,7 +340,7 @@ def _is_term(value: Operand) -> TypeGuard[NodeTerm]:
 
 
 def _constant(value: Operand) -> SocketValue | NodeLink:
-    """Return an operand that is not a term, an output or a constant, as the input of a socket."""
+    """Return an operand that is an output or a constant (`_is_term` is false) as the input of a socket."""
     if isinstance(value, NodeLink):
         return value
     return tuple(_number(element) for element in value) if isinstance(value, tuple) else _number(value)

@@ -32,7 +32,7 @@ def add_closures(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -
     """Add the closures of a BSDF, traced in `graph`, to a tree; return their sum, and whether one of them transmits.
 
     The sum is an output, or None if there are no closures. The rows of `frame` (3, 3) are tangent, bitangent and normal
-    in world space. Its symbols, and the symbols `WO`, must be bound in the tree.
+    in world space. The symbols of `frame`, and the symbols `WO`, must be bound in the tree.
     """
     lobes = present_lobes(graph, bsdf)
     closures = _merge_closures(
@@ -58,9 +58,9 @@ def add_shaders(builder: TreeBuilder, a: NodeLink | None, b: NodeLink | None) ->
 
 
 def scale_shader(builder: TreeBuilder, shader: NodeLink | None, factor: Real) -> NodeLink | None:
-    """Add a node that multiplies a shader by a factor from 0 to 1, and return its output; None is a black shader.
+    """Add a node that multiplies a shader by a factor from 0 to 1, and return the node's output.
 
-    The node mixes the shader with black.
+    The node mixes the shader with black. None stands for a black shader.
     """
     if shader is None or are_equal(factor, 0.0):
         return None
@@ -84,7 +84,7 @@ def add_transparent(builder: TreeBuilder, shader: NodeLink | None, presence: Rea
 
 
 def _merge_closures(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
-    """Return closures with their labels, without those of weight 0; sum those that differ only in their weight.
+    """Drop closures of weight 0, sum closures that differ only in weight, and return the closures with their labels.
 
     The labels are the names of lobes.
     """
@@ -168,9 +168,9 @@ def _add_sheen(builder: TreeBuilder, color: SocketValue | NodeLink, label: str, 
 
 
 def _glossy_inputs(builder: TreeBuilder, closure: Closure, frame: Array) -> SocketInputs:
-    """Return the inputs of the sockets for roughness r, anisotropy a and tangent of a glossy closure.
+    """Return the inputs of a glossy closure's sockets for roughness r, anisotropy a and tangent.
 
-    Cycles computes alpha_x = r^2 / s and alpha_y = r^2 s from them, where s depends on a. For a metal, s^2 = 1 - 0.9 a,
+    Cycles computes alpha_x = r^2 / s and alpha_y = r^2 s, where s depends on a. For a metal, s^2 = 1 - 0.9 a,
     as in Disney's BRDF. For other closures, s = 1 + a, with a negative a.
     """
     x, y = closure.alpha_x, closure.alpha_y

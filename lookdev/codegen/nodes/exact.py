@@ -1,8 +1,8 @@
 """Write a look as nodes that sample its model exactly, for backend ``nodes-exact``, which needs no OSL.
 
-At each hit, the node Ray Portal sends the ray on along one direction that is drawn from the BSDF. Its weight is f times
-the cosine over the pdf. This estimator is unbiased, whether the ray then meets the asset or a light. Directions are not
-drawn from the light.
+At each hit, the node Ray Portal sends the ray on along one direction that is drawn from the BSDF. The weight of the
+direction is f times the cosine, divided by the pdf. This estimator is unbiased, whether the ray then meets the asset or
+a light. Directions are not drawn from the light.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 
-# The fourth coordinate of the white noise, arbitrary. Each channel of the noise hashes the four coordinates in another
-# order: if this coordinate were equal to one of the position, two channels could be equal.
+# The fourth coordinate of the white noise, an arbitrary number. The first three are the position. Each channel of the
+# noise hashes the coordinates in another order: if two coordinates were equal, two channels could be equal.
 _NOISE_SEED = 0.7548776662
 
 
@@ -108,8 +108,8 @@ def trace_sample(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Array, Array]:
     """Return the weight (3,) and the direction (3,) of one sample of lobes, as functions of symbols.
 
     The symbols are ``wo_x wo_y wo_z``, the direction to the viewer, and the random numbers ``u1 u2``. Directions are in
-    the shading frame. The weight is f times the cosine over the density, both summed over all lobes. It is 0 where no
-    lobe scatters.
+    the shading frame. The weight is f times the cosine, divided by the density; both are summed over all lobes. The
+    weight is 0 where no lobe scatters.
     """
     if not lobes:
         return np.zeros(3), ZENITH

@@ -1,7 +1,7 @@
 """Put each fitted function of `lookdev.closures.fits` into a group of nodes, so that a tree has one node for it.
 
-A fit is a polynomial, or a quotient of two, of x and y. A closure's weight or roughness contains fits, whose many
-operations would otherwise all be nodes of the tree.
+A fit is a polynomial in x and y, or a quotient of two polynomials. A closure's weight or roughness contains fits.
+Without groups, their many operations would all be nodes of the tree.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ def match_fit(node: GraphNode) -> tuple[str, dict[str, GraphNode]] | None:
 
 
 def is_fit(group: str) -> bool:
-    """Return whether the name of a group is that of a fit."""
+    """Return whether `group` is the name of a group that computes a fit."""
     return group.startswith(_PREFIX)
 
 
 def fit_tree(group: str) -> NodeTree:
-    """Return the tree of the group of a fit, named `group`."""
+    """Return the tree of the group `group`, which computes a fit."""
     graph, builder = Graph(), TreeBuilder(group)
     group_input = builder.add("NodeGroupInput")
     for name in _INPUTS:
@@ -50,7 +50,7 @@ def fit_tree(group: str) -> NodeTree:
 def _variables(node: GraphNode) -> tuple[GraphNode, GraphNode] | None:
     """Return the candidates for x and y of a node that may be a fit, or None if the node cannot be one.
 
-    The node of a fit is a polynomial (... y + c) x + (... y + c) by Horner's rule, or a quotient of two.
+    The node of a fit is a polynomial (... y + c) x + (... y + c) by Horner's rule, or a quotient of two polynomials.
     """
     match node.args[0] if node.op == "divide" else node:
         case GraphNode(op="add", args=(GraphNode(op="multiply", args=(_, GraphNode() as x)), remainder)):

@@ -28,7 +28,8 @@ _OUTPUTS = {
 def add_frame(builder: TreeBuilder) -> dict[str, NodeLink]:
     """Add a node of the group `frame_tree` to a tree, and return its outputs ``tangent``, ``bitangent`` and ``normal``.
 
-    They are unit vectors in world space. The symbols ``wo_x wo_y wo_z`` are bound to the group's output ``"Viewer"``.
+    These outputs are unit vectors in world space. The symbols ``wo_x wo_y wo_z`` are bound to the group's output
+    ``"Viewer"``.
     """
     node = builder.add("Group", group=GROUP)
     builder.bind(("wo_x", "wo_y", "wo_z"), NodeLink(node, "Viewer"))

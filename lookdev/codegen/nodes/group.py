@@ -18,8 +18,9 @@ from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, s
 class TracedGroup:
     """A group of nodes under construction.
 
-    The group's values are traced in its own graph, `graph`, whose nodes `builder` collects. The values that the group's
-    sockets receive are traced in the outer graph, that of the tree that contains the group's node.
+    The group's values are traced in its own graph, `graph`. `builder` makes the group's nodes from this graph. The
+    values that the group's sockets receive are traced in the outer graph. It belongs to the tree that contains the
+    group's node.
     """
 
     def __init__(self, name: str) -> None:
@@ -35,9 +36,9 @@ class TracedGroup:
         """Add input sockets for parameters, and return the values of the parameters inside the group.
 
         `values` has tokens, and arrays of the outer graph. Inside the group, the value of a parameter is the symbols of
-        its socket. Tokens have no socket, and neither have constants at which terms of the model vanish: they are the
-        same inside. If a parameter follows another one (`Parameter.follows`) and has the same value, both share a
-        socket. `panel` is the heading of the sockets, with which their names begin.
+        its socket. Tokens, and constants at which terms of the model vanish, have no socket: inside, they have the same
+        value. If a parameter follows another one (`Parameter.follows`) and has the same value, both share a socket.
+        `panel` is the heading of the sockets; their names begin with it.
         """
         inner_values: dict[str, Array | str] = {}
         for name, value in values.items():
@@ -65,9 +66,9 @@ class TracedGroup:
     def tree(
         self, values: Mapping[GroupSocket, Real], shader: NodeLink | None = None, *, has_shader: bool = True
     ) -> NodeTree:
-        """Return the finished tree, whose outputs are `values`, arrays of the group's graph, by their sockets.
+        """Return the finished tree. Its outputs are `values`, arrays of the group's graph, by socket.
 
-        If `has_shader`, the first output is `shader`, or black if that is None.
+        If `has_shader`, the first output is `shader`; None stands for a black shader.
         """
         self.builder.prepare(_vector_elements(values.values()))
         inputs: dict[str, SocketValue | NodeLink] = {
@@ -93,7 +94,10 @@ class TracedGroup:
         return outer.add("Group", inputs=inputs | dict(shaders or {}), group=self.name)
 
     def input_values(self, tree: NodeTree) -> dict[str, Array]:
-        """Return the values, arrays of the outer graph, of the sockets that the finished tree has, by name."""
+        """Return the values of the finished tree's input sockets, by name, without shaders.
+
+        The values are arrays of the outer graph.
+        """
         return {socket.name: self._values[socket.name] for socket in tree.inputs if socket.kind != "shader"}
 
 
@@ -143,5 +147,5 @@ def _is_folded(parameter: Parameter, value: Real) -> bool:
 
 
 def _vector_elements(values: Iterable[Real]) -> list[list[Scalar]]:
-    """Return the elements of those values that have three."""
+    """Return the elements of each value that has three elements."""
     return [elements for value in values if len(elements := elements_of(value)) == 3]

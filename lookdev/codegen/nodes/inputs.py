@@ -67,8 +67,8 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, lab
     uv = vector_symbols(graph, look_up.uv)
     a, b, c, d, e, f = look_up.transform
     s, t = uv[0] * a + uv[1] * b + c, uv[0] * d + uv[1] * e + f
-    # Image nodes ignore the third coordinate. Where coordinates are not transformed, it is that of the UV set: the
-    # vector is then the output of the UV Map node itself, and needs no further node.
+    # Image nodes ignore the third coordinate. If the coordinates are not transformed, the UV set's third coordinate is
+    # used: the vector is then the output of the UV Map node itself, and needs no further node.
     w = uv[2] if look_up.transform == _IDENTITY else np.array(0.0)
 
     def sample_image(file: Content, uv: Sequence[Array], wrap: str) -> Array:
@@ -83,7 +83,7 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, lab
         return symbols(graph, names)
 
     wraps = look_up.wrap_s, look_up.wrap_t
-    if 0 not in look_up.files:
+    if 0 not in look_up.files:  # only an image without UDIM tiles has the key 0
         # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1). Where there is no tile, all channels are 0.
         column, row = np.floor(s), np.floor(t)
         value: Array = np.zeros(4)
@@ -111,7 +111,7 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, look_up: ImageBinding, lab
 
 
 def _is_tile(coordinate: Array, number: int) -> BooleanArray:
-    """Return whether a whole coordinate is `number`; nodes compute it in float32."""
+    """Return whether a whole coordinate is `number`; nodes compute the coordinate in float32, so it is rounded."""
     return (coordinate > number - 0.5) & (coordinate < number + 0.5)
 
 
@@ -119,7 +119,8 @@ def _copy_coordinates(s: Array, wrap: str) -> tuple[Array, ...]:
     """Return coordinates at which look-ups with a black border add up to one look-up at `s` with the mode `wrap`.
 
     Under the bilinear filter, an image with a black border fades to 0 within half a texel beyond its edge. An image
-    that repeats or mirrors is therefore the sum of such copies, of which at most two overlap at a point.
+    that repeats or mirrors is therefore the sum of copies with black borders. Along an axis, at most two of them
+    overlap at a point.
     """
     if wrap == "black":
         return (s,)
@@ -132,7 +133,7 @@ def _copy_coordinates(s: Array, wrap: str) -> tuple[Array, ...]:
 
 
 def _wrap_derivative(s: Array, wrap: str) -> Array:
-    """Return the derivative of a wrapped coordinate by `s`: -1 in mirrored copies, 0 beyond a clamped edge, else 1."""
+    """Return the derivative of the wrapped `s` by `s`: -1 in mirrored copies, 0 beyond a clamped edge, else 1."""
     if wrap == "mirror":
         whole: Array = np.floor(s)
         return 1.0 - 2.0 * (whole - 2.0 * np.floor(0.5 * whole))

@@ -1,6 +1,7 @@
 """Arrange the nodes of a tree for Blender's editor, so that an artist can read it.
 
-A node's column is its distance to the output, in links. Within a column, nodes are near the nodes that read them.
+A node's column is the length, in links, of its longest path to the output. Within a column, nodes are near the nodes
+that read them.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ from collections.abc import Mapping
 
 from lookdev.codegen.source import NodeLink, ShaderNode
 
-# In Blender's units: the distance between columns, the gap between the nodes of a column, the height of a node's
-# header, that of a socket or property, and that of the three fields of a vector that is not linked.
+# All in Blender's units: the distance between columns, the gap between the nodes of a column; and the heights of a
+# node's header, of a socket or property, and of the three fields of a vector that is not linked.
 _COLUMN = 220.0
 _GAP = 30.0
 _HEADER, _ROW, _VECTOR = 90.0, 24.0, 90.0

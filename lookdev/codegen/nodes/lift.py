@@ -1,8 +1,8 @@
 """Add nodes that keep a surface from being shadowed by surfaces that coincide with it.
 
 A ray leaves a surface at a small height above it, the lift (`lookdev.scene.shading.LIFT`). The lift is proportional to
-the largest coordinate of the shading point and of its triangle's corners, but nodes cannot read the corners. The
-distance of the point from the origin, plus its distance to the camera, replaces this coordinate.
+the largest coordinate of the shading point and of its triangle's corners, but nodes cannot read the corners. Nodes use
+the distance of the point from the origin, plus its distance to the camera, in place of this coordinate.
 
 Backend ``nodes-exact`` lifts the points where its rays start. In backend ``nodes``, a surface is transparent to rays
 that start below the lift.
@@ -33,10 +33,10 @@ def _add_math(builder: TreeBuilder, operation: str, *operands: NodeLink | float)
 
 
 def coincident_tree(*, see_through: bool) -> NodeTree:
-    """Return the group that makes a surface transparent to rays that start near it, and otherwise is the input shader.
+    """Return the group that makes a surface transparent to rays that start near it; other rays meet the input shader.
 
-    A ray is near if it starts no higher above the surface's facet than the lift. Cycles starts its rays on a surface
-    itself, so they would end on coincident surfaces.
+    A ray starts near the surface if its start is less than the lift above the surface's facet. Cycles starts its rays
+    on a surface itself, so they would end on coincident surfaces.
 
     To other shadow rays, a surface that is not `see_through` is black. Cycles then does not evaluate the shader of the
     surface's look for them, which would take a fifth of a frame's time.

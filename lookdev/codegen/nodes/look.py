@@ -1,9 +1,9 @@
 """Write a look as nodes with Cycles' own closures, for backend ``nodes`` and for an artist in Blender.
 
 The material's own tree reads textures and primvars, evaluates mask expressions, and has the constants. Groups of nodes
-contain the models, whose parameters are the groups' sockets. The base and the layers of its model directly above it
-share a group, which combines them by the model's rule or by blending their parameters. From the first layer of another
-model upwards, each layer is a shader of its own, which is blended with the shader of the layers below.
+contain the models, whose parameters are the groups' sockets. The base and the layers of the same model directly above
+it share a group, which combines them by the model's rule or by blending their parameters. From the first layer of
+another model upwards, each layer is a shader of its own, which is blended with the shader of the layers below.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from lookdev.material.values import look_layers
 _LAYERS = "Lookdev Layers"  # the name of a group that blends layers
 _PRESENCE = Parameter("presence", "float", 1.0, help="How much of the surface is there.")
 _REFLECTANCE = Parameter("reflectance", "float", 1.0, help="How much of the light the coat reflects to the viewer.")
-# The sockets of a group that blends shaders, for each of its parts.
+# A group that blends shaders has sockets for these parameters of each shader.
 _PART_PARAMETERS = {"mask": MASK, "presence": _PRESENCE, "reflectance": _REFLECTANCE}
 
 
@@ -132,10 +132,10 @@ class _Material:
         )
 
     def _add_model_layers(self, stack: Sequence[StackLayer], names: Sequence[str], part_name: str) -> _ShaderPart:
-        """Add the groups of nodes of consecutive layers of one model, and return their shader.
+        """Add groups of nodes for consecutive layers of one model, and return the layers' shader.
 
-        `names` are the layers' names. `part_name` ends the names of the groups. It is empty if the layers are the whole
-        look.
+        `names` are the layers' names. The names of the groups end with `part_name`. It is empty if the layers are the
+        whole look.
         """
         model = model_named(stack[0].model)
         if len(stack) == 1:
@@ -178,13 +178,14 @@ class _Material:
         return _ShaderPart(NodeLink(node, "Shader"), presence, transmits, output_symbols.get("reflectance"))
 
     def _blend_parameters(self, layers: TracedGroup, stack: Sequence[StackLayer], part_name: str) -> _ShaderPart:
-        """Add the group `layers`, which blends the parameters of `stack`, and one that shades with the results.
+        """Add the group `layers`, which blends the parameters of `stack`, and a second group, which shades with them.
 
         The values of `stack` are those inside the group `layers`.
         """
         model = model_named(stack[0].model)
         parameters, blended = model.parameters, model.blend(stack)
-        # The symbols in the material's graph of blended values: outputs of the first group, and inputs of the second.
+        # The names of the blended values, which are symbols of the material's graph. These values are outputs of the
+        # first group, and inputs of the second.
         symbol_names = {
             name: f"{layers.name} {followed_parameter(parameters[name], blended) or name}"
             for name, value in blended.items()
@@ -200,7 +201,7 @@ class _Material:
         blended_layer = replace(stack[0], parameters=group.add_inputs(parameters, values))
 
         def add_layers_group(tree: NodeTree) -> None:
-            """Add a node of the first group, with the outputs that `tree`, that of the second, has as inputs."""
+            """Add a node of the first group; its outputs are the inputs of `tree`, the tree of the second group."""
             names_read = [name for name in group.input_values(tree) if name in symbol_names]
             outputs = {parameter_socket(parameters[name]): blended[name] for name in names_read}
             node = self._add_group(layers, layers.tree(outputs, has_shader=False))
@@ -221,7 +222,7 @@ class _Material:
         """
         group = TracedGroup(_LAYERS)
         above = len(parts) - 1  # the number of layers above the base that are blended as shaders
-        panels = [names[0], *names[-above:]]  # the headings of the sockets of each part
+        panels = [names[0], *names[-above:]]  # the heading of each part's sockets
         # The base does not cover anything, so its mask has no effect.
         layers = [replace(stack[0], mask=np.array(1.0)), *stack[-above:]]
         shaders = {f"{panel} shader": part.shader for panel, part in zip(panels, parts, strict=True)}
@@ -243,9 +244,9 @@ class _Material:
         return _ShaderPart(NodeLink(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
 
     def _add_group(self, group: TracedGroup, tree: NodeTree, shaders: Mapping[str, NodeLink] | None = None) -> str:
-        """Add a node of a finished group, and the nodes that its inputs read, to the material's tree; return its name.
+        """Add a node of a finished group to the material's tree, and return the node's name.
 
-        `shaders` are those of `TracedGroup.add_to`.
+        The nodes that the inputs of the group's node read are also added. `shaders` is as in `TracedGroup.add_to`.
         """
         self._groups.append(tree)
         elements = [element for value in group.input_values(tree).values() for element in elements_of(value)]
@@ -292,7 +293,7 @@ def _add_layer_inputs(
 
 
 def _unique_names(names: Iterator[str]) -> list[str]:
-    """Return names that are all different: a number, from 2, is appended to a name that an earlier one equals."""
+    """Return names that are all different: a number, from 2, is appended to a name that equals an earlier name."""
     unique: list[str] = []
     for name in names:
         number, new = 2, name

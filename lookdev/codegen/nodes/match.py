@@ -17,7 +17,7 @@ from lookdev.errors import CodegenError
 Match: TypeAlias = tuple[str, *tuple[Scalar, ...]]
 """The name of an operation of Blender, then its operands. ``"MIX", a, b, t`` is a (1 - t) + b t, by a Mix node."""
 
-# Blender's names of operations, by NumPy's. Other names differ by case alone. Nodes have 0 and 1 for booleans.
+# Blender's names of operations, by NumPy's names. Other operations have NumPy's name in capitals. Booleans are 0 and 1.
 _NAMES = {
     "exp": "EXPONENT",
     "sin": "SINE",
@@ -35,8 +35,8 @@ _E = 2.718281828459045
 def match_operation(node: GraphNode, computed: Container[object] = ()) -> Match:
     """Return the operation of Blender that computes a node of a graph, and its operands.
 
-    A sum with a product becomes one multiply-add, unless the product is in `computed`, the values that nodes already
-    compute.
+    A sum with a product becomes one multiply-add, unless the product is in `computed`. These are the values that
+    existing nodes compute.
     """
     apply = node.graph.apply
     match node.op, node.args:
@@ -76,7 +76,10 @@ def match_operation(node: GraphNode, computed: Container[object] = ()) -> Match:
 
 
 def add_depths(value: Scalar, depths: dict[GraphNode, int]) -> None:
-    """Set the depths of a node and of all nodes that it depends on: the lengths of the longest chains of operations."""
+    """Add the depths of a node and of all nodes that it depends on to `depths`.
+
+    The depth of a node is the number of nodes in the longest chain of operations that ends with this node.
+    """
     for node in post_order([value], stop=lambda operand: operand in depths):
         depths[node] = 1 + max((depths[operand] for operand in node.operands()), default=0)
 
@@ -84,8 +87,8 @@ def add_depths(value: Scalar, depths: dict[GraphNode, int]) -> None:
 def _is_product(value: Scalar, computed: Container[object]) -> TypeGuard[GraphNode]:
     """Return whether a value is a product that can become part of a multiply-add.
 
-    It cannot if a node already computes it. A product with an inverse square root is left as it is, too: it is a
-    component of a normalized vector, for which there is a node.
+    A product cannot if it is in `computed`: a node already computes it. A product with an inverse square root cannot
+    either: it is a component of a normalized vector, for which Blender has a node.
     """
     return (
         isinstance(value, GraphNode)
@@ -125,9 +128,10 @@ def _match_mix(p: Scalar, q: Scalar) -> Match | None:
 
 
 def _match_where(condition: Scalar, a: Scalar, b: Scalar) -> Match:
-    """Return the operation for `a` where the condition is 1, and `b` where it is 0.
+    """Return the operation whose result is `a` where the condition is 1, and `b` where the condition is 0.
 
-    Math has the comparisons ``<`` and ``>`` alone; negated ones become these, with `a` and `b` exchanged.
+    Math nodes only compare by ``<`` and ``>``. The conditions ``>=``, ``<=`` and ``not`` are replaced by their
+    opposites, and `a` and `b` are exchanged.
     """
     match condition:
         case GraphNode(op="logical_not", args=(inner,)):

@@ -16,7 +16,7 @@ from lookdev.codegen.operators import BOOLEAN_OPERATIONS, CODE, strip_parenthese
 from lookdev.codegen.trace.graph import GraphNode, Scalar, Symbol, TableCell, Uniform, post_order, reachable_nodes
 from lookdev.errors import CodegenError
 
-# The largest number of values of an array, which Cycles loads in four seconds.
+# The largest number of values in an array. Cycles loads an array of this size in four seconds.
 _MAX_ARRAY_SIZE = 10_000_000
 
 # The largest number of characters of an inline expression. A longer one becomes a variable, so that people can read the
@@ -70,8 +70,8 @@ def texture_size(table: NumberTable) -> tuple[int, int]:
 class Block:
     """One scope of emitted code. Nodes of the graph that are used more than once become variables, others are inline.
 
-    `lines` is the code. `variables` has the names of the variables, by the node whose value they have, including those
-    of the enclosing scopes. `prefix` begins the names of this scope's own variables.
+    `lines` is the code. `variables` has the names of this scope's variables and of the variables of the enclosing
+    scopes, by the node whose value they have. The names of this scope's own variables begin with `prefix`.
     """
 
     def __init__(
@@ -86,8 +86,8 @@ class Block:
         self._prefix = prefix
         self._pad = "    " * indent
         self._symbol_text = symbol_text
-        # How often the code uses each node; names that `define` gives; and the variables that have a table's cell, by
-        # the table's digest, the row and the column.
+        # How often the code uses each node; the names that `define` gives to nodes; and the names of variables for a
+        # table's cell, by the table's digest and the code of the row and the column.
         self._uses: Counter[GraphNode] = Counter()
         self._preset_names: dict[GraphNode, str] = {}
         self._cells: dict[tuple[str, str, str], str] = {}
@@ -123,9 +123,9 @@ class Block:
         self._uses.update(root for root in roots if isinstance(root, GraphNode))
 
     def name(self, value: Scalar) -> str:
-        """Return the name of a variable that has `value`, which is written if there is none.
+        """Return the name of the variable that has `value`; write the variable if there is none.
 
-        Constants and symbols need no variable: the result is their text.
+        Constants and symbols need no variable: for them, return their text.
         """
         code = self.expression(value)
         if isinstance(value, GraphNode) and value.op != "symbol" and value not in self.variables:

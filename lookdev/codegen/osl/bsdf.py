@@ -160,7 +160,7 @@ def trace_lobes(
     `light_sampled` returns whether a lobe is light-sampled. Only with `recorded` do lobes have `TracedLobe.parts`.
     """
     mixture, wi = trace_mixture(graph, lobes), symbols(graph, WI)
-    # A lobe's code runs only where the light is on the lobe's side, so the trace can take these conditions for true.
+    # A lobe's code runs only where the light is on the lobe's side, so the trace can assume these conditions.
     sides = [_side_condition(lobe, mixture.wo, wi) for lobe in lobes]
     for condition in (*elements_of(wi[..., 2] > 0.0), *elements_of(wi[..., 2] < 0.0), *sides):
         if condition is not None:
@@ -228,8 +228,8 @@ def emit_brdf(
     """
     lobes = mixture.lobes
     see_through = isinstance(presence, GraphNode) or presence < 1.0
-    # The expressions of evaluate and sample. Those of their nodes that do not depend on the light's direction, nor on
-    # random numbers, are computed by setup.
+    # The expressions of evaluate and sample. Setup computes those of their nodes that depend neither on the light's
+    # direction nor on random numbers.
     values = [value for lobe in lobes for value in (*lobe.direction_values(), *lobe.wi, lobe.is_below_end)]
     values += [lobe.side for lobe in lobes if lobe.side is not None]
     varying = dependent_nodes(values, VARYING)
@@ -287,7 +287,8 @@ def emit_brdf(
 def _invariant_nodes(values: Iterable[Scalar], varying: set[GraphNode]) -> list[GraphNode]:
     """Return the nodes that setup computes for the other fragments, in a reproducible order.
 
-    They do not depend on the light's direction, and are operands of nodes that do (`varying`), or are in `values`.
+    These nodes are not in `varying`: they depend neither on the light's direction nor on random numbers. They are in
+    `values`, or are operands of nodes in `varying`.
     """
     roots = [value for value in values if isinstance(value, GraphNode)]
     operands = [operand for node in post_order(roots, lambda node: node not in varying) for operand in node.operands()]
@@ -303,8 +304,8 @@ def _evaluate_lines(
 ) -> Iterable[str]:
     """Return the lines of evaluate, which sum the lobes on the light's side.
 
-    `varying` are the nodes that depend on the light's direction. `group_indices` has the indices of groups in
-    ``f_lobe``, and is empty if nothing is recorded.
+    `varying` are the nodes that depend on the light's direction or on random numbers. `group_indices` has the indices
+    of groups in ``f_lobe``, by group, and is empty if nothing is recorded.
     """
     has_light_sampled = len(mixture.densities) > 1
     # The lobes by their side: False (above the shading normal's horizon), True (below), or a condition of their own.
@@ -331,7 +332,8 @@ def _evaluate_lines(
                 else f"wi_z {'<' if side else '>'} 0"
             )
             block.write(f"if ({condition}) {{")
-        # The prefix of variables: "c" under a condition of the lobe's own, "t" for transmitted and "e" for other light.
+        # Names of variables begin with "c" under a condition of the lobe's own, with "t" for transmitted light, and
+        # with "e" for other light.
         prefix = f"c{number}_" if isinstance(side, GraphNode) else "t" if side else "e"
         block.lines += _side_lines(
             side_lobes, setup, varying, prefix, 2 + (len(groups) > 1), has_light_sampled, splits_diffuse, group_indices
@@ -365,7 +367,7 @@ def _side_lines(
     counts = Counter(node for group in groups for node in group)
     shared = {node for node, count in counts.items() if count > 1 and node in varying and node not in setup.variables}
     shared = {node for node in shared if node.op != "symbol"}
-    # The shared nodes that a lobe's block reads itself. To write them, `Block` also writes those that they depend on.
+    # The shared nodes that a lobe's block reads itself. `Block` also writes the nodes that these depend on.
     shared_operands: dict[GraphNode, None] = {}
     for lobe, group in zip(lobes, groups, strict=True):
         roots = [value for value in lobe.direction_values() if isinstance(value, GraphNode)]

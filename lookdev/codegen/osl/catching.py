@@ -43,8 +43,8 @@ _HOLDOUT = """
 def catching_sections(catching: Catching) -> dict[str, list[str]]:
     """Return the lines of the template's sections for a shadow catcher, by the sections' names.
 
-    `catching` says whether the look is that of the ground or of the asset. Without a catcher, the sections do not
-    change the shader.
+    `catching` says whether the ground or the asset has the look. Without a catcher, the sections do not change the
+    shader.
     """
     if not catching:
         return {"catching_parameter": [], "catching": [], "trace": [_TRACE]}

@@ -1,7 +1,8 @@
 """Write the shading frame (`lookdev.scene.shading`) as OSL, for the surface shader.
 
-The code calls OSL's own vector functions, which round as Cycles' do. Rounding matters because the next point of a path
-seeds the random numbers there: if a direction differs in its last digit, the picture has other noise, though not more.
+The code calls OSL's own vector functions, which round as the vector functions of Cycles do. Rounding matters because
+the position of a path's next point seeds the random numbers there. If a direction differs in its last digit, the
+picture has other noise, though not more noise.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ class ShaderNames:
     constants: dict[float, str] = field(default_factory=dict)
 
     def symbol_text(self, symbol: str | Uniform) -> str:
-        """Return the text of a symbol, given by its name, or of a uniform, a constant of the look."""
+        """Return the shader's text for a symbol, which is given by its name, or for a constant of the look."""
         if isinstance(symbol, Uniform):
             literal(symbol)  # raises if it is not finite
             return self.constants.setdefault(float(symbol), f"look_{len(self.constants)}")
@@ -44,7 +44,7 @@ def emit_look_up(name: str, look_up: ImageBinding) -> tuple[list[str], list[Text
     function = "lookdev_slopes" if look_up.slopes else "lookdev_texture"
     m, uv = list(map(repr, look_up.transform)), look_up.uv
     s, t = (f"{m[k]} * {uv}[0] + {m[k + 1]} * {uv}[1] + {m[k + 2]}" for k in (0, 3))
-    if 0 in look_up.files:
+    if 0 in look_up.files:  # an image without UDIM tiles
         wraps = f'"{_WRAP[look_up.wrap_s]}", "{_WRAP[look_up.wrap_t]}"'
         code = [f"float {name}_a; color {name} = {function}({name}_file, {s}, {t}, {wraps}, {name}_a);"]
         return code, [TextureBinding(f"{name}_file", look_up.files[0])]

@@ -15,19 +15,20 @@ template `lookdev/shaders/surface.osl` includes each section at a line ``//@ lig
 These are the sections:
 
 ``parameters``
-    Parameters of the shader, whose values are in `LightCode`.
+    Parameters of the shader. `lookdev.light.LightCode` has their values.
 ``functions``
     Functions, which precede the shader.
 ``setup``
     Runs at each shading point if ``IBL_SAMPLES > 0``. ``n`` is the shading normal, ``seed`` the point's scramble.
     ``front_samples`` is the number of directions for light from the viewer's side of the surface. With ``TRANSMITS``,
-    ``back_samples`` is that for light from the other side.
+    ``back_samples`` is the number of directions for light from the other side.
 ``sample``
     Draws sample ``number`` of the pixel, for the other side if ``back`` is 1. Samples are numbered from 0, separately
     for front and back. The section sets the direction ``wi`` and its ``radiance``. If the probability of the draw is
     not exactly the pdf, it also sets ``ratio``, the pdf divided by the probability.
 ``density``
-    Adds to ``density``, for each side, the pdf of ``wi`` times the samples of that side. Also sets ``radiance``.
+    Adds to ``density``, for each side, the pdf of ``wi`` times the number of samples for this side. Also sets
+    ``radiance``.
 ``lookup``
     Sets ``radiance`` to the light from direction ``wi``.
 """
@@ -77,13 +78,13 @@ _PART_HEADS = {
 }
 # The line that reads the number of samples from a parameter.
 _SAMPLES = ("    int samples = int(control[2]);",)
-# The same for a rig with lights that do not turn with it: `cycles.scene` passes the number of samples, a power of two,
-# times 1 + e / 720, where e is the asset's rotation in degrees.
+# This line replaces the line above in a rig with lights that do not turn with the rig: `cycles.scene` passes the number
+# of samples, a power of two, times 1 + e / 720, where e is the asset's rotation in degrees.
 _SAMPLES_AND_TURN = ("    int samples = 1 << int(floor(log2(control[2]) + 0.01));",)
 
 
 def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
-    """Return the lines of each section of the lights, by the names ``light_NAME`` and ``rig_NAME`` of the template.
+    """Return the lines that the lights add to the template `surface.osl`, by the name of the placeholder.
 
     Raises
     ------
@@ -105,7 +106,7 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
 
 
 def _rig_sections(rig: CodedRig) -> dict[str, list[str]]:
-    """Return the lines of each section of a rig, by the section's name in the template."""
+    """Return the lines that a rig adds to the template `surface.osl`, by the name of the placeholder."""
     sections = read_sections(SHADERS / "rig.osl.h")
     kinds = {_dome_kind(light) for light in rig.domes}
     expanded = {
@@ -138,8 +139,8 @@ def _dome_kind(light: Light) -> str:
 def _expand_line(rig: CodedRig, sections: Mapping[str, list[str]], line: str) -> Iterable[str]:
     """Return the lines that replace a line of `rig.osl.h`.
 
-    A line ``//@ domes NAME`` is replaced by the section of each dome, ``//@ pictures NAME`` by that of each textured
-    lamp. Other lines stay as they are.
+    A line ``//@ domes NAME`` is replaced by the lines of `_dome_lines`. A line ``//@ pictures NAME`` is replaced by the
+    section ``picture_NAME``, once for each textured lamp. Other lines stay as they are.
     """
     match line.split():
         case ["//@", "domes", name]:
@@ -151,7 +152,7 @@ def _expand_line(rig: CodedRig, sections: Mapping[str, list[str]], line: str) ->
 
 
 def _dome_lines(rig: CodedRig, sections: Mapping[str, list[str]], name: str) -> Iterator[str]:
-    """Yield the section ``<kind>_<name>`` of each dome, or ``dome_<name>`` if its kind has none."""
+    """Yield the lines of each dome: the section ``<kind>_<name>``, or ``dome_<name>`` if there is no such section."""
     for number, light in enumerate(rig.domes):
         kind = _dome_kind(light)
         section = f"{kind}_{name}"
@@ -167,7 +168,7 @@ def _fill_numbers(line: str, number: int, rig: CodedRig) -> str:
 
 
 def _shape_functions(rig: CodedRig) -> Iterator[str]:
-    """Yield the lines of the functions that lamps of all kinds share, and of those of each kind."""
+    """Yield the lines of the functions that lamps of all kinds share, then of the functions of each kind."""
     beam, falloff, shadow = _control_functions()
     yield from (*beam * rig.needs("shaped"), *falloff * rig.needs("falling"), *shadow * rig.needs("shadowed"))
     for kind in rig.kinds:
@@ -191,7 +192,7 @@ def _control_functions() -> tuple[Lines, Lines, Lines]:
 
 
 def _lamp_functions(rig: CodedRig) -> Iterator[str]:
-    """Yield the lines of functions that call those of a lamp's kind."""
+    """Yield the lines of functions for any lamp, which call the functions of the lamp's kind."""
     if rig.lamps:
         yield from _dispatch_function(rig, "void lamp_meet", _MEET, tables=True)
         yield from _dispatch_function(rig, "void lamp_draw", _DRAW, tables=True)
@@ -200,7 +201,10 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
 
 @cache
 def _kind_functions(kind: str, shaped: bool, falling: bool) -> Lines:
-    """Return the lines of the functions of a kind of lamp; of a picture, those of `trace_parts` and the weight."""
+    """Return the lines of the functions of a kind of lamp.
+
+    For a picture, these are the functions of `trace_parts`, and ``weight`` of `trace_lamp`.
+    """
     lamp = trace_lamp(kind, shaped=shaped, falling=falling, field=_FIELD)
     traced, heads = (trace_parts(_FIELD), _PART_HEADS) if kind == "picture" else (lamp, _SHAPE_HEADS)
     functions = [_function_lines(head.replace("KIND", kind), traced[name]()) for name, head in heads.items()]
@@ -211,8 +215,8 @@ def _kind_functions(kind: str, shaped: bool, falling: bool) -> Lines:
 def _dispatch_function(rig: CodedRig, name: str, parameters: str, *, tables: bool = False) -> Iterator[str]:
     """Yield the lines of the function `name`, which calls the function of a lamp's kind.
 
-    `name` also has the type of the result. `parameters` are those after the lamp's row. With `tables`, the function
-    also takes the rig's tables.
+    The type of the result precedes the name in `name`. `parameters` are the parameters after the lamp's row. With
+    `tables`, the function also takes the rig's tables.
     """
     suffix = name.split()[-1].removeprefix("lamp_")
     first = "lamps, tables, at" if tables else "lamps, at"

@@ -46,8 +46,8 @@ _DIRECTIONS = 4
 _BROAD_SHARES = (0.05, 0.3)
 
 # A bound in 1/sr. If the BSDF's pdf and values in a direction drawn from the light are smaller, Russian roulette
-# decides whether a ray is traced there. This does not raise the error of a metal. A higher bound does not save more
-# time (docs/bench.md).
+# decides whether a ray is traced in this direction. The roulette does not raise the error of a metal. A higher bound
+# does not save more time (docs/bench.md).
 _MIN_TRACED_PDF = 0.01
 
 
@@ -55,8 +55,8 @@ _MIN_TRACED_PDF = 0.01
 class DirectionCounts:
     """The numbers of directions that are drawn at a shading point.
 
-    `brdf` and `ibl` are drawn from the BSDF and from the light at the first hit, `brdf_onward` and `ibl_onward` at
-    later hits of a path.
+    At the first hit, `brdf` directions are drawn from the BSDF, and `ibl` from the light. At later hits of a path, the
+    numbers are `brdf_onward` and `ibl_onward`.
     """
 
     brdf: int
@@ -192,7 +192,7 @@ def generate_surface(
 
 
 def _groups_in_shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
-    """Return the group of each light in the order in which the shader numbers lights; without groups, all are 0."""
+    """Return the groups of the lights, in the order in which the shader numbers lights; without groups, all are 0."""
     light_groups = groups or [0] * len(lights)
     if coded_light(lights):
         return list(light_groups)
@@ -244,7 +244,7 @@ def _remove_recording(osl: str) -> str:
 def _count_lines(suffix: str, brdf_samples: int, ibl_samples: int, transmits: bool) -> list[str]:
     """Return the lines that define the numbers of directions, as macros whose names end with `suffix`.
 
-    If the look `transmits`, directions drawn from the light are divided between its front and back.
+    If the look `transmits`, directions drawn from the light are divided between the surface's front and back.
     """
     back = ibl_samples // 2 if transmits else 0
     return [
@@ -254,11 +254,11 @@ def _count_lines(suffix: str, brdf_samples: int, ibl_samples: int, transmits: bo
     ]
 
 
-# The numbers 2, 2, 1 and 4 are for a look whose lobes are all glossy. On a shape with recesses, most of its variance is
+# The numbers 2, 2, 1 and 4 are for a look whose lobes are all glossy. On a shape with recesses, most of the variance is
 # in light that other parts of the shape reflect. A path that continues adds one sample of this light, whatever number
 # of directions was drawn at its first hit. So the first hit draws few directions, and paths cost less. Later hits draw
 # more directions from the light, since few of these fall into a narrow lobe. A broad lobe takes its direct light from
-# all directions drawn from the light. Measured: docs/bench.md, "Recesses".
+# all directions drawn from the light. The measurements are in docs/bench.md, "Recesses".
 def _direction_counts(
     lobes: Sequence[Lobe], brdf: int | None, ibl: int | None, bounces: int, *, constant_light: bool
 ) -> DirectionCounts:

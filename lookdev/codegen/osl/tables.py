@@ -1,4 +1,4 @@
-"""Pass the tables of measured data that a model looks up to a shader: as arrays, or textures if they are large."""
+"""Bind tables of measured data to the parameters of a shader: as arrays, or as textures if they are large."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lookdev.codegen.source import TableBinding
 
 
 def bind_tables(tables: Iterable[NumberTable]) -> tuple[list[str], tuple[TableBinding, ...]]:
-    """Store the files of tables; return the lines that declare the shader's parameters for them, and their bindings.
+    """Store the files of tables; return the lines that declare the shader's parameters for tables, and the bindings.
 
     Raises
     ------

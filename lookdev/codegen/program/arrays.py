@@ -1,8 +1,8 @@
 """Evaluate the f of a stack of layers fast on NumPy's arrays, in float64, for plots and the explorer.
 
-The stack is traced and compiled to a program, which is faster than the models themselves: constants are folded, equal
-expressions are computed once, and those that do not depend on the directions once in a call. A parameter that a user
-edits can stay a symbol. The same program then serves all its values.
+The stack is traced and compiled to a program, which is faster than the models themselves. Constants are folded, and
+equal expressions are computed once. Expressions that do not depend on the directions are computed once in a call. A
+parameter that a user edits can stay a symbol. The same program then serves all values of the parameter.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobe
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
 PART_SIZE = 4096
-"""The number of direction pairs that are computed together, a part of all pairs.
+"""The number of direction pairs in a part: the pairs of a part are computed together.
 
 An array of 4096 numbers has 32 KiB, so the arrays of a program stay in the processor's cache.
 """
@@ -55,8 +55,8 @@ def run_in_parts(fill: Callable[[slice], None], count: int) -> None:
 class _Step:
     """One operation of a compiled program, the function `run`.
 
-    `operands` and `result` are the numbers of the values that it reads and computes. `dead` are the numbers of values
-    that no later step reads, so that their arrays can be freed after this step.
+    `operands` are the numbers of the values that the step reads, and `result` is the number of the value that it
+    computes. `dead` are the numbers of values that no later step reads. Their arrays can be freed after this step.
     """
 
     run: Callable[..., Array]
@@ -78,11 +78,11 @@ class CompiledProgram:
     pair_steps
         The steps that run for each pair of directions.
     constants
-        The constants by the numbers of their values.
+        The constants, by the number of the value.
     symbols
-        The numbers of the symbols by their names.
+        The numbers of the symbols, by the symbol's name.
     result
-        The numbers of the values of the three channels of f.
+        The numbers of the three values that are the channels of f.
     two_sided
         Whether f is mirrored to a viewer below the surface. If not, f is 0 there.
     """
@@ -134,7 +134,8 @@ class CompiledProgram:
 def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> CompiledProgram:
     """Trace and compile a stack of layers.
 
-    `make_layers` returns the layers, base first. Their parameters are constants, or symbols of the graph that it gets.
+    `make_layers` gets a graph, and returns the layers, base first. Their parameters are constants, or symbols of this
+    graph.
 
     Raises
     ------
@@ -148,8 +149,9 @@ def compile_layers(make_layers: Callable[[Graph], Sequence[StackLayer]]) -> Comp
     wi = symbols(graph, WI)
     cosine, total = np.abs(wi[..., 2]), np.zeros(3)
     for term in mixture.terms(wi):
-        # A lobe's f belongs to the cosine to the lobe's own normal. The ratio of cosines converts it to an f that
-        # belongs to the cosine to the shading normal. As in `lookdev.brdf.evaluate`, the ratio is computed first.
+        # A lobe's f is multiplied by the light's cosine to the lobe's own normal, but the result by the light's cosine
+        # to the shading normal. The ratio of these cosines converts f. As in `lookdev.brdf.evaluate`, the ratio is
+        # computed first.
         ratio = term.cosine / np.maximum(cosine, TINY * term.cosine)
         total = total + scale(term.f, np.where(term.valid, ratio, 0.0))
     writer = ProgramWriter()
@@ -202,6 +204,9 @@ def _mark_dead(steps: Sequence[_Step], live: set[int]) -> tuple[_Step, ...]:
 
 
 def _look_up_function(table: NumberTable, channel: str) -> Callable[[Floats, Floats], Array]:
-    """Return a function that looks up cells by row and column; `channel` is that of a colour, ``""`` of numbers."""
+    """Return a function that looks up cells of a table by row and column.
+
+    If the cells are colours, `channel` is the channel, ``"0"`` to ``"2"``, else ``""``.
+    """
     channel_table = table if channel == "" else NumberTable(table.values[..., int(channel)])
     return lambda row, column: look_up(channel_table, np.asarray(row), np.asarray(column))

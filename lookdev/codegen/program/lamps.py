@@ -1,7 +1,7 @@
 """Trace the functions of lights in `lookdev.light`, for OSL, GLSL and Mitsuba, which sample the same lights.
 
-In the traced code, the numbers of a light are symbols, the fields of its row (`lookdev.light.lamps.FIELDS`). The code
-is thus the same for all lights of a kind.
+In the traced code, the numbers of a light are symbols: the fields of the light's row (`lookdev.light.lamps.FIELDS`).
+The code is thus the same for all lights of a kind.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.rect import TexturedRectangle
 
 BEAM, TINT = ("cone", "start", "rise", "focus"), ("tint0", "tint1", "tint2")
-"""The fields of a row that `cone_factor` and `focus_factor` of `lookdev.light.emission` read: a beam, and its tint."""
+"""The fields of a lamp's row that `cone_factor` and `focus_factor` of `lookdev.light.emission` read."""
 
 FALLOFF = ("virtual", "power", "fade", "fade_rise")
-"""The fields of a row that `falloff_factor` of `lookdev.light.emission` reads."""
+"""The fields of a lamp's row that `falloff_factor` of `lookdev.light.emission` reads."""
 
 SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
-"""The fields of a row that `shadow_factor` of `lookdev.light.emission` reads."""
+"""The fields of a lamp's row that `shadow_factor` of `lookdev.light.emission` reads."""
 
 FunctionOperations = tuple[list[ProgramOperation], Mapping[str, tuple[int, ...]]]
-"""The operations of several functions, and, by a function's name, the indices of the operations with its results."""
+"""The operations of several functions; then the indices of the operations that have a function's results, by name."""
 
 TracedFunctions: TypeAlias = Mapping[str, Callable[[], list[Scalar]]]
-"""By a function's name, a callable that traces the function and returns its results, one scalar each."""
+"""Callables by a function's name: each traces the function, and returns its results as scalars."""
 
 _TABLES = NumberTable(np.zeros((1, 1)))
 """A placeholder for the rig's tables, whose numbers are known only when a program runs."""
@@ -51,7 +51,7 @@ _Arguments = ParamSpec("_Arguments")
 class LampSymbols:
     """Makes the symbols of one graph: the arguments of functions, and the fields of a lamp's row.
 
-    The name of a field's symbol is the format string `field` with the field's name, such as ``lamp_{}``.
+    The format string `field`, such as ``"lamp_{}"``, makes the name of a field's symbol from the field's name.
     """
 
     def __init__(self, field: str = "{}") -> None:
@@ -71,10 +71,11 @@ class LampSymbols:
 
 
 def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field: str = "{}") -> TracedFunctions:
-    """Return the functions of a kind of lamp, a key of `lookdev.light.lamps.SHAPES`.
+    """Return the functions of a kind of lamp; `kind` is a key of `lookdev.light.lamps.SHAPES`.
 
-    Their symbols are the fields of a row, formatted by `field`, and these arguments in the lamp's coordinates: the
-    shading point p, a direction w from there, the shading normal n, and the random numbers u1 and u2. The results:
+    The symbols of the functions are the fields of a lamp's row, formatted by `field`, and these arguments in the lamp's
+    coordinates: the shading point p, a direction w from there, the shading normal n, and the random numbers u1 and u2.
+    The functions return:
 
     ``weight``
         `lookdev.light.lamps.estimate_irradiance` at p and n, times the mean radiance.
@@ -88,8 +89,8 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
         The coordinates in the texture where w meets the lamp. Only the kind ``"picture"``, a textured rectangle, has
         this function.
 
-    A lamp that is `shaped` has a beam, and one that is `falling` has a falloff. If `steps` is not 0, an IES profile is
-    looked up, too; `steps` is the number of bisections that find an angle in its table.
+    A lamp that is `shaped` has a beam, and a lamp that is `falling` has a falloff. If `steps` is not 0, ``sent`` also
+    looks up an IES profile; `steps` is the number of bisections that find an angle in the profile's table.
     """
     row = LampSymbols(field)
     sizes = row.fields(*("a", "b")[: len(fields(SHAPES[kind]))])
@@ -139,7 +140,7 @@ def trace_lamp(kind: str, *, shaped: bool, falling: bool, steps: int = 0, field:
 def trace_shadow(field: str = "{}") -> TracedFunctions:
     """Return the function ``passed``: the share of a light (3 numbers) that passes an occluder.
 
-    Its symbols are `SHADOW_FIELDS`, formatted by `field`, and the occluder's ``distance``.
+    The symbols of the function are `SHADOW_FIELDS`, formatted by `field`, and ``distance``, the occluder's distance.
     """
     row = LampSymbols(field)
     enable, limit, zone, gamma = row.fields(*SHADOW_FIELDS[:4])
@@ -148,11 +149,11 @@ def trace_shadow(field: str = "{}") -> TracedFunctions:
 
 
 def trace_parts(field: str = "{}") -> TracedFunctions:
-    """Return the functions of a rectangular part of a picture, which is a textured rectangle light.
+    """Return the functions of a rectangular part of a textured rectangle light, which is called a picture.
 
-    Their symbols are the fields of a row, formatted by `field`, the part, part_s, part_t and size, and the arguments p,
-    w, u1 and u2 of `trace_lamp`. The part begins at part_s and part_t, and extends by size along both sides. These
-    numbers are fractions of the picture's sides. The results:
+    The symbols of the functions are the fields of the light's row, formatted by `field`, the arguments p, w, u1 and u2
+    of `trace_lamp`, and part_s, part_t and size. The part begins at part_s and part_t, and extends by size along both
+    sides. These three numbers are fractions of the picture's sides. The functions return:
 
     ``angle``
         The approximate solid angle of the part from p (`lookdev.light.picture`).
@@ -185,19 +186,19 @@ def trace_parts(field: str = "{}") -> TracedFunctions:
 
 
 def trace_ball(field: str = "{}") -> TracedFunctions:
-    """Return the functions of a local dome, whose map is on a ball of finite radius about its centre.
+    """Return the functions of a local dome, whose map is on a ball of finite radius about the dome's centre.
 
-    Their symbols are the fields a and b of its row, formatted by `field`: the distance from the centre at which the
-    light begins to fade, and the radius. The arguments are p and w of `trace_lamp`, and the direction onto. The
-    results:
+    The symbols of the functions are the fields a and b of the dome's row, formatted by `field`: the distance from the
+    centre at which the light begins to fade, and the radius. The other symbols are the arguments: p and w of
+    `trace_lamp`, and the direction onto. The functions return:
 
     ``share``
         The share of the dome's light that arrives at p.
     ``meet``
-        Three numbers: 1 if a ray from p along w meets the ball from inside, else 0; the distance to it; and a ratio of
-        solid angles of a piece of the ball there, the one seen from the centre divided by the one seen from p.
+        Three numbers: 1 if p is in the ball, else 0; the distance from p to the ball along w; and, for a small piece of
+        the ball there, its solid angle seen from the centre, divided by its solid angle seen from p.
     ``draw``
-        The direction (3 numbers) from p to the point of the ball that is in the direction onto from the centre.
+        The direction (3 numbers) from p to a point of the ball: the point in the direction onto from the centre.
     """
     row = LampSymbols(field)
     start, radius = row.fields("a", "b")
@@ -227,7 +228,7 @@ def _write_functions(trace: Callable[_Arguments, TracedFunctions]) -> Callable[_
     return cast("Callable[_Arguments, FunctionOperations]", cache(write))
 
 
-# The functions above as operations.
+# These functions write the traced functions above as operations.
 lamp_operations = _write_functions(trace_lamp)
 shadow_operations = _write_functions(trace_shadow)
 part_operations = _write_functions(trace_parts)

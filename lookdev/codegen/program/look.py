@@ -85,8 +85,8 @@ def generate_program(
     space
         The colour space of the light.
     live
-        Which constants are live. They do not fold, but are symbols named by `live_name`. A colour is three symbols,
-        with ``[0]`` to ``[2]`` appended to the name.
+        Returns whether a constant is live. Live constants do not fold, but are symbols named by `live_name`. A colour
+        is three symbols, with ``[0]`` to ``[2]`` appended to the name.
     """
     graph = Graph()
     inputs = SymbolicSurface(graph, resolve)
@@ -95,9 +95,9 @@ def generate_program(
     presence = elements_of(bsdf.presence)[0]
     see_through = isinstance(presence, GraphNode) or presence < 1.0
     mixture = Mixture(lobes, symbols(graph, WO))
-    # The shading frame is bent until the viewer is above its horizon, so wo_z is positive. The shares of lobes are not
-    # assumed positive, as they are for OSL: the program has no branches, so the code of a lobe also runs where the lobe
-    # is absent.
+    # The shading frame is bent until the viewer is above its horizon, so wo_z is positive. OSL also assumes that the
+    # shares of lobes are positive, but a program cannot: it has no branches, so the code of a lobe also runs where the
+    # lobe is absent.
     assume_positive(graph, mixture.wo[..., 2])
     value, pdf = mixture.response(symbols(graph, WI))
     outputs: dict[str, Real | list[Scalar]] = {"value": value, "pdf": pdf}
@@ -150,14 +150,17 @@ def generate_program(
 def trace_look(
     look: Look, inputs: SymbolicSurface, space: Space, live: LivePredicate = lambda number, name: False
 ) -> Bsdf:
-    """Return the traced BSDF of a look in a colour space; its constants are uniforms, or symbols if they are live."""
+    """Return the traced BSDF of a look in a colour space; the look's constants are uniforms, or symbols if live."""
     layers = enumerate(look_layers(look, inputs))
     bsdf = stack_bsdf([_trace_constants(inputs.graph, number, layer, live) for number, layer in layers])
     return bsdf if space == REC709 else bsdf.convert(matrix_from_rec709(space))
 
 
 def _group_parts(mixture: Mixture, wi: Array) -> dict[str, tuple[Array, Array]]:
-    """Return two arrays (3,) for each group of lobes: its value for light from `wi`, and the diffuse lobes' part."""
+    """Return two arrays (3,) for each group of lobes, by group, for light from `wi` (3,).
+
+    The first is the group's f times the cosine. The second is the part of the first from diffuse lobes.
+    """
     parts: dict[str, tuple[Array, Array]] = {}
     for term in mixture.terms(wi):
         other = lobe_parts(term)
@@ -224,7 +227,7 @@ def _derivatives(
 ) -> Mapping[str, list[Scalar]]:
     """Return the derivatives of outputs with respect to each symbol of a live input, by `derivative_name`.
 
-    The outputs are ``value``, ``diffuse``, ``presence`` and those of deltas.
+    Only the outputs ``value``, ``diffuse``, ``presence``, ``delta0``, ``delta1``, ... have derivatives.
 
     Raises
     ------
@@ -268,7 +271,7 @@ def _frame_outputs(graph: Graph, reads_tangent: bool, bends_normals: bool) -> Ma
 
 
 def store_table(table: NumberTable) -> Content:
-    """Store the values of a table as an .npy file, a flat array of float32, unless the store has it."""
+    """Return the .npy file of a table's values, a flat array of float32; write it unless the cache has it."""
 
     def save(path: Path) -> None:
         np.save(path, np.asarray(table.values, np.float32).ravel())

@@ -15,10 +15,11 @@ from lookdev.errors import CodegenError
 
 @dataclass
 class ProgramWriter:
-    """Writes the nodes of a graph as operations, each node once, and collects what the operations read.
+    """Writes the nodes of a graph as operations, each node once for an output, and collects what the operations read.
 
-    `outputs` has the indices of the operations whose results are an output's components, by the output's name.
-    `constants` are the values of uniforms, `tables` the tables that are looked up, `symbols` the names of symbols.
+    `outputs` has the indices of the operations whose results are an output's components, by the output's name. If
+    several outputs depend on a node, `operations` has the node's operation once for each of them. `constants` are the
+    values of uniforms, `tables` the tables that are looked up, `symbols` the names of symbols.
     """
 
     operations: list[ProgramOperation] = field(default_factory=list)
@@ -26,7 +27,7 @@ class ProgramWriter:
     constants: list[float] = field(default_factory=list)
     tables: list[NumberTable] = field(default_factory=list)
     symbols: set[str] = field(default_factory=set)
-    # The index of the operation of each node, and of each constant, by a key.
+    # The indices of operations: by the node, or by the key of a constant that `_number` makes.
     _numbers: dict[object, int] = field(default_factory=dict)
 
     def add(self, name: str, roots: Sequence[Scalar]) -> None:

@@ -23,13 +23,14 @@ Polynomial: TypeAlias = dict[tuple[str, ...], Scalar]
 Coefficients are invariant under rotation. The constant term has the key ``()``.
 """
 
-# The symbols that change with the rotation, and for each of them that of the other axis: "wo_x" has "wo_y".
+# The symbols that change with the rotation, and for each the symbol of the same direction's other component: "wo_y" for
+# "wo_x".
 _ROTATED = (*WO[:2], *WI[:2])
 _OTHER_AXIS = {name: name[:-1] + {"x": "y", "y": "x"}[name[-1]] for name in _ROTATED}
 
 
 def depends_on_tangent(graph: Graph, lobes: Sequence[Lobe]) -> bool:
-    """Return whether f of lobes, traced in `graph`, depends on the direction of the frame's tangent."""
+    """Return whether the f of lobes, traced in `graph`, depends on the direction of the frame's tangent."""
     terms = trace_mixture(graph, lobes).terms(symbols(graph, WI)) if lobes else ()
     roots = [value for term in terms for value in elements_of(term.value) if isinstance(value, GraphNode)]
     polynomials: dict[GraphNode, Polynomial | None] = {}
@@ -41,7 +42,10 @@ def depends_on_tangent(graph: Graph, lobes: Sequence[Lobe]) -> bool:
 def _node_polynomial(
     graph: Graph, node: GraphNode, earlier: Mapping[GraphNode, Polynomial | None]
 ) -> Polynomial | None:
-    """Return the polynomial of a node, or None if it is not a polynomial; `earlier` has those of its operands."""
+    """Return the polynomial of a node, or None if the node is not a polynomial.
+
+    `earlier` has the results of this function for the node's operands.
+    """
     if isinstance(node, Symbol):
         return {(node.name,): 1.0} if node.name in _ROTATED else {(): node}
     operands: list[Polynomial | None] = [earlier[arg] if isinstance(arg, GraphNode) else {(): arg} for arg in node.args]
@@ -56,10 +60,13 @@ def _node_polynomial(
 
 
 def _combine_polynomials(graph: Graph, node: GraphNode, operands: Sequence[Polynomial]) -> Polynomial | None:
-    """Return the polynomial of a node from those of its operands, or None if its operation does not give one."""
+    """Return the polynomial of a node, or None if the node's operation does not give a polynomial.
+
+    `operands` are the polynomials of the node's operands.
+    """
 
     def termwise(function: Callable[..., Scalar], *polynomials: Polynomial) -> Polynomial:
-        """Return the polynomial whose coefficients are a function of the coefficients of the same products."""
+        """Compute a polynomial term by term: `function` takes the coefficients of one product in all `polynomials`."""
         factors = dict.fromkeys(factor for polynomial in polynomials for factor in polynomial)
         return {key: function(*(polynomial.get(key, 0.0) for polynomial in polynomials)) for key in factors}
 

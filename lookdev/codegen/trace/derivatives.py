@@ -5,8 +5,8 @@ folds them, and shares equal ones.
 
 - Griewank, A. and Walther, A. 2008. Evaluating Derivatives, second edition, chapter 3: the tangents of operations.
 
-The derivative of ``where`` is that of the branch taken. Conditions, whole numbers (``floor``) and cells of tables have
-derivative 0. At 0, where the derivative of a root or a power can be infinite, the result is 0.
+The derivative of ``where`` is the derivative of the branch taken. Conditions, whole numbers (``floor``) and cells of
+tables have derivative 0. At 0, where the derivative of a root or a power can be infinite, the result is 0.
 """
 
 from __future__ import annotations

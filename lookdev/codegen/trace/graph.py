@@ -53,7 +53,7 @@ class Symbol(GraphNode):
 
 @dataclass(frozen=True, eq=False)
 class TableCell(GraphNode):
-    """A number that is looked up in a table; `args` are its row and column.
+    """A number that is looked up in a table; `args` are the row and the column.
 
     If the cells of the table are colours, the number is channel 0, 1 or 2; else `channel` is None.
     """
@@ -77,9 +77,10 @@ _ALIASES = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": 
 
 
 class Graph:
-    """The graph of one generated shader: creates its nodes, each once."""
+    """The graph of one generated shader. It creates equal nodes only once."""
 
     def __init__(self) -> None:
+        # The nodes, by the operation and the keys of its arguments; and the values of the conditions that are assumed.
         self._nodes: dict[tuple[object, ...], GraphNode] = {}
         self._facts: dict[Scalar, bool] = {}
 
@@ -126,10 +127,10 @@ class Graph:
         return float(cell if channel is None else cell[channel])
 
     def _intern(self, node: GraphNode, *names: object) -> GraphNode | bool:
-        """Return the node of the graph that equals `node`, which is added if there is none.
+        """Return the graph's own node that equals `node`; if there is none, add `node`.
 
         `names` are properties that distinguish the node, besides its operation and its operands. If the node is a
-        condition that `assume` replaces, its value is returned instead.
+        condition that `assume` replaces, return the condition's value instead.
         """
         node = self._nodes.setdefault((node.op, *map(_argument_key, (*names, *node.args))), node)
         return self._facts.get(node, node)
@@ -204,8 +205,8 @@ def _simplify(op: str, args: tuple[Scalar, ...]) -> Scalar | None:
 def post_order(roots: Iterable[Scalar], stop: Callable[[GraphNode], bool] = lambda node: False) -> Iterator[GraphNode]:
     """Yield `roots` and all nodes that they depend on, each once and after its operands.
 
-    Nodes for which `stop` returns true are left out, and so are the nodes on which only those depend. The function does
-    not recurse, because graphs are thousands of operations deep.
+    Nodes for which `stop` returns true are left out. Nodes on which only left-out nodes depend are left out, too. The
+    function does not recurse, because graphs are thousands of operations deep.
     """
     visited: set[GraphNode] = set()
     stack = [(root, False) for root in reversed(list(roots)) if isinstance(root, GraphNode)]
@@ -220,7 +221,10 @@ def post_order(roots: Iterable[Scalar], stop: Callable[[GraphNode], bool] = lamb
 
 
 def dependent_nodes(roots: Iterable[Scalar], names: frozenset[str]) -> set[GraphNode]:
-    """Return the nodes that depend on one of the named symbols, among `roots` and the nodes that they depend on."""
+    """Return the nodes that depend on one of the named symbols.
+
+    They are selected from `roots` and all nodes that `roots` depend on.
+    """
     dependent: set[GraphNode] = set()
     for node in post_order(roots):
         if (isinstance(node, Symbol) and node.name in names) or any(

@@ -29,7 +29,7 @@ INSIDE = "inside"
 
 
 def present_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
-    """Return the lobes of a BSDF whose share does not fold to zero, for a view along the symbols `WO`.
+    """Return a BSDF's lobes whose share does not fold to zero, for a view along the symbols `WO`.
 
     Raises
     ------
@@ -44,16 +44,16 @@ def present_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
 
 
 def present_deltas(graph: Graph, bsdf: Bsdf) -> list[Delta]:
-    """Return the terms along single directions that do not fold to zero.
+    """Return a BSDF's terms that scatter along single directions, and do not fold to zero.
 
-    They are functions of the symbols `WO` and `INSIDE`.
+    The terms are functions of the symbols `WO` and `INSIDE`.
     """
     deltas = bsdf.deltas(symbols(graph, WO), symbol(graph, INSIDE) > 0.0)
     return [delta for delta in deltas if _can_be_positive(delta.value)]
 
 
 def continuous_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
-    """Return the lobes of `present_lobes`; the BSDF may also scatter along single directions."""
+    """Return the lobes of a BSDF as `present_lobes` does, even if the BSDF also scatters along single directions."""
     return [lobe for lobe in bsdf.lobes(symbols(graph, WO)) if _can_be_positive(lobe.share)]
 
 
@@ -87,7 +87,7 @@ def recorded_group(scattering: Lobe | Delta) -> str:
 def trace_features(mixture: Mixture, deltas: Sequence[Delta]) -> tuple[Array, Array]:
     """Return the albedo (3,), in [0, 1], and the mean normal (3,), which guide a denoiser.
 
-    The albedo is that of the lobes and the single directions, the normal that of the lobes.
+    The albedo includes the light of the single directions. The normal is the mean over the lobes alone.
     """
     albedo: Array = estimate_albedo(mixture) if mixture.lobes else np.zeros(3)
     for delta in deltas:
@@ -103,8 +103,8 @@ def _can_be_positive(value: Real) -> bool:
 def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
     """Return the mixture of lobes for a view along the symbols `WO`.
 
-    Two conditions are assumed wherever its code runs: the viewer is above the horizon, and a lobe's share is above 0
-    where the code of the lobe runs.
+    The trace assumes that the viewer is above the horizon and that the sum of the lobes' shares is above 0, wherever
+    the code of the mixture runs. It also assumes that a lobe's share is above 0 wherever the code of the lobe runs.
     """
     mixture = Mixture(lobes, symbols(graph, WO))
     assume_positive(graph, mixture.wo[..., 2], mixture.total_share, *(lobe.share for lobe in lobes))

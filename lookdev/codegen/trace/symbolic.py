@@ -1,9 +1,9 @@
-"""Arrays of symbols, on which the NumPy code of a model runs unchanged, and thereby builds an expression graph.
+"""Arrays of symbols: the NumPy code of a model runs on them unchanged, and thereby builds an expression graph.
 
-While a model is traced, directions and textured parameters are a `SymbolicArray`. It implements ``__array_ufunc__``
-(NEP 13) and ``__array_function__`` (NEP 18). If all elements of a result fold to constants, the result is an ordinary
-array. If some of these constants are numbers of a look to which generated code refers by name (`Uniform`), it is a
-`UniformArray`.
+While a model is traced, each direction and each textured parameter is a `SymbolicArray`. This class implements
+``__array_ufunc__`` (NEP 13) and ``__array_function__`` (NEP 18). If all elements of a result fold to constants, the
+result is an ordinary array. If some of these constants are numbers of a look to which generated code refers by name
+(`Uniform`), the result is a `UniformArray`.
 """
 
 from __future__ import annotations
@@ -74,8 +74,8 @@ class SymbolicArray(NDArrayOperatorsMixin):
 class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
     """An array of constants, some of which are uniforms (`Uniform`).
 
-    `elements` has the same constants as Python objects, which tell a `Uniform` from other floats. The result of a
-    traced operation has uniforms, too. Other operations return ordinary arrays, whose constants have no names.
+    `elements` has the same constants as Python objects, so that a `Uniform` can be told from other floats. The results
+    of the operations in `OPERATIONS` have uniforms, too. Other operations return ordinary arrays, without uniforms.
     """
 
     graph: Graph
@@ -102,7 +102,7 @@ class UniformArray(np.ndarray[tuple[int, ...], np.dtype[np.float64]]):
 
 
 def uniforms(graph: Graph, value: SymbolicLike) -> Array:
-    """Return an array of floats with each element made a uniform by the function `uniform`."""
+    """Convert each element of an array to a uniform, by the function `uniform`, and return the array."""
     elements = np.frompyfunc(uniform, 1, 1)
     return _wrap(graph, elements(np.asarray(value).astype(object)))
 
@@ -130,7 +130,7 @@ def symbol(graph: Graph, name: str) -> SymbolicArray:
 
 
 def elements_of(value: SymbolicLike) -> list[Scalar]:
-    """Return the elements of a symbolic or ordinary array, nodes and constants, as a flat list."""
+    """Return the elements of a symbolic or ordinary array as a flat list of nodes and constants."""
     return list(_elements(value).ravel())
 
 
@@ -158,7 +158,7 @@ def _wrap(graph: Graph, elements: object) -> Array:
 
 
 def _elementwise(graph: Graph, op: str, *inputs: object) -> Array:
-    """Return the result of an operation of the graph on each element of arrays, which are broadcast."""
+    """Apply an operation of the graph to arrays, element by element; the arrays are broadcast."""
     function = np.frompyfunc(lambda *args: graph.apply(op, *args), len(inputs), 1)
     return _wrap(graph, function(*(_elements(value) for value in inputs)))
 
@@ -190,7 +190,7 @@ def _look_up(graph: Graph, table: NumberTable, row: object, column: object) -> A
     """Return what `lookdev.brdf.table.look_up` returns, for rows and columns that may be symbolic."""
 
     def channel(number: int | None) -> Array:
-        """Return one channel of the cells, or their numbers if the channel is None."""
+        """Return channel `number` of cells that are colours, or with None the numbers of other cells."""
         function = np.frompyfunc(lambda *cell: graph.look_up(table, number, *cell), 2, 1)
         return _wrap(graph, function(_elements(row), _elements(column)))
 

@@ -1,6 +1,6 @@
 """Recognize dot products, cross products and normalizations in expression graphs, whose nodes are scalars.
 
-The emitters of nodes and of the shading frame replace them by the vector operations of Blender and OSL.
+The emitters of nodes and of the shading frame write vector operations of Blender and OSL in place of these scalars.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def _is_same(a: Triple, b: Triple) -> bool:
 
 
 def _summands(value: Scalar) -> Triple | None:
-    """Return x, y and z of a sum (x + y) + z, else None."""
+    """Return x, y and z if a value is a sum (x + y) + z, else None."""
     match value:
         case GraphNode(op="add", args=(GraphNode(op="add", args=(x, y)), z)):
             return x, y, z
