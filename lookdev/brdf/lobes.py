@@ -171,8 +171,8 @@ class Bsdf:
         The coverage of the surface. A ray continues unchanged with weight ``1 - presence``, which the functions of
         `lookdev.brdf.mixture` do not include.
     two_sided
-        Whether the surface is thin. For a view from below the horizon, f is then that of both directions negated. Other
-        surfaces are black from below.
+        Whether the surface is thin. For a view from below the horizon, f then has the value that it has if both
+        directions are negated. Other surfaces are black from below.
     deltas
         Function that returns the terms along single directions. Its arguments are the directions to the viewer, and a
         mask (...) that is true where the viewer is inside the solid that the surface bounds. The functions of

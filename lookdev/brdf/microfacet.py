@@ -75,7 +75,7 @@ def sample_gtr_aniso(alpha_x: Real, alpha_y: Real, gamma: Real, u1: Array, u2: A
     alpha2 = alpha_x * alpha_y
     log_alpha2 = np.log(alpha2)
     power = (gamma - 1.0) * log_alpha2
-    # This is -w / log(alpha^2), with w of the comment above.
+    # This is -w / log(alpha^2), with w of the comment above the function.
     scaled_log = u2 * _expm1_ratio(power) * _log1p_ratio(u2 * np.expm1(power))
     sin2 = np.minimum(alpha2 * scaled_log * _expm1_ratio(-log_alpha2 * scaled_log) / _expm1_ratio(log_alpha2), 1.0)
     phi = 2.0 * np.pi * u1
@@ -131,9 +131,9 @@ def sample_visible_ggx(wo: Array, alpha_x: Real, alpha_y: Real, u1: Array, u2: A
 
 
 def visible_ggx_pdf(wo: Array, d: Array, alpha_x: Real, alpha_y: Real) -> Array:
-    """Return the pdf over reflected directions of `sample_visible_ggx`, ``G1(wo) D / (4 cos_theta_o)``.
+    """Return the pdf ``G1(wo) D / (4 cos_theta_o)`` of views mirrored about the half vectors of `sample_visible_ggx`.
 
-    `d` is D at the half vector.
+    `wo` are the views, and `d` is D at the half vector.
     """
     return 0.5 * d * smith_ggx_aniso(wo, alpha_x, alpha_y)
 

@@ -150,7 +150,7 @@ class Mixture:
 def estimate_albedo(mixture: Mixture) -> Array:
     """Return an estimate (..., 3) of the directional albedo, which has no noise.
 
-    It is the sum over the lobes of ``f cos / pdf`` of a single sample, that of the uniform numbers (0.5, 0.5). It is
+    Each lobe adds ``f cos / pdf`` of one sample, which is drawn with the uniform numbers (0.5, 0.5). The estimate is
     exact for lobes whose pdf is proportional to f times the cosine.
     """
     total: Array = np.zeros(3)

@@ -1,4 +1,4 @@
-"""Isotropic microfacet distributions of the Torrance-Sparrow model, their sampling, and Smith's G1 of Beckmann's.
+"""Isotropic microfacet distributions of the Torrance-Sparrow model, their sampling, and Smith's G1 for one of them.
 
 - Beckmann, P. and Spizzichino, A. 1963. The Scattering of Electromagnetic Waves from Rough Surfaces.
 - Blinn, J. F. 1977. Models of Light Reflection for Computer Synthesized Pictures. SIGGRAPH.
