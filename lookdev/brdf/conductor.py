@@ -1,6 +1,6 @@
 """Metals by name: the measured index of refraction, eta + ik, by wavelength, and the colour that a metal reflects.
 
-The numbers in ``data/metals.csv`` are those of the refractiveindex.info database (public domain, CC0), from 365 to
+The numbers in ``data/metals.csv`` are from the refractiveindex.info database (public domain, CC0), from 365 to
 821 nm. Where the curves are smooth, some of the database's wavelengths are left out. docs/notebook/metal-spectra.md
 compares the publications.
 

@@ -81,7 +81,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     )
 
 
-# Burley 2012, addenda, "Anisotropic specular details"; the floor of 0.001 is that of Disney's BRDF Explorer.
+# Burley 2012, addenda, "Anisotropic specular details"; the floor of 0.001 is from Disney's BRDF Explorer.
 def _alphas(p: Parameters) -> tuple[Array, Array]:
     """Return the alphas of the specular lobe along tangent and bitangent."""
     aspect, square = np.sqrt(1.0 - 0.9 * p["anisotropic"]), p["roughness"] * p["roughness"]

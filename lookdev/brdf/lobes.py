@@ -74,7 +74,7 @@ class Lobe:
         Whether light and viewer are on opposite sides. The functions above then take and return the light's direction
         mirrored to the viewer's side.
     has_own_horizon
-        Whether the horizon of a tilted lobe is that of its own normal alone. Otherwise f is also 0 where a direction is
+        Whether its own normal alone determines the horizon of a tilted lobe. Otherwise f is also 0 where a direction is
         on the wrong side of the shading normal.
     broad
         Whether the lobe is nearly constant, so that directions drawn in proportion to light times cosine suit it as

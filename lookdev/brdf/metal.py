@@ -50,8 +50,8 @@ INDEX_QUOTES = {
 class MetalIndex(TypedDict):
     """The eta and k of each channel of a metal.
 
-    `deviation` is the largest difference of each channel's reflectance from that of the metal's spectra
-    (`lookdev.brdf.metal_fits`).
+    `deviation` is, for each channel, the largest difference of the reflectance by eta and k from the reflectance of the
+    metal's spectra (`lookdev.brdf.metal_fits`).
     """
 
     eta: list[float]
@@ -78,7 +78,7 @@ def metal_table() -> dict[str, MetalEntry]:
 
 
 def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, ParameterValue]:
-    """Return the parameters ``"eta"`` and ``"k"`` of one of `METALS`, derived in one of the ways `METAL_COLORS`."""
+    """Return the parameters ``"eta"`` and ``"k"`` of one of `METALS`; `color` is one of `METAL_COLORS`."""
     entry = metal_table()[name]
     index = {"nearest": entry["nearest"], "bands": entry["bands"]}[color]
     (eta, k) = ((red, green, blue) for red, green, blue in (index["eta"], index["k"]))

@@ -111,8 +111,8 @@ class Mixture:
         if len(self.lobes) == 1:
             yield LobeChoice(self.lobes[0], self.lobes[0].share + 0.0 * u > 0.0, u)
             return
-        # All in units of the shares: the number, its distance from the beginning of a lobe's interval, and the
-        # interval's end.
+        # `position` is the number, `offset` its distance from the beginning of a lobe's interval, and `upper` the end
+        # of the interval. All three are in units of the shares.
         position = u * self.total_share
         offset, upper = position, 0.0
         for lobe in self.lobes:

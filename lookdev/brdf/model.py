@@ -44,7 +44,7 @@ class StackLayer:
 class Preview:
     """The approximation of a model by UsdPreviewSurface.
 
-    `same` has the model's parameter for each input of UsdPreviewSurface that has the same meaning. The parameter for
+    `same` maps inputs of UsdPreviewSurface to the model's parameters with the same meaning. The parameter for
     ``opacity`` is the presence of a layer. `derived` is a function of all parameters (tokens, and float64 arrays () or
     (3,)) that returns the values of other inputs by name. Inputs that it leaves out have their defaults. Instead of
     ``ior``, the function returns ``f0``, the reflectance at normal incidence, which determines the index of refraction.

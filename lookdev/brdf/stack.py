@@ -1,7 +1,7 @@
 """Combine the layers of a look, of any models, into one BSDF.
 
-The model of the base combines the base and the layers directly above (`Model.stack`). It stops below the first layer
-that is of another model, is a coat, or differs in a token whose `Parameter.agreement` is ``"apart"``. From this layer
+The model of the base combines the base with the layers directly above it (`Model.stack`), up to the first layer that is
+of another model, is a coat, or differs in a token whose `Parameter.agreement` is ``"apart"``. From this first layer
 upwards, the BSDFs of the single layers are blended, one by one, by their masks.
 """
 

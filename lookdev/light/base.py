@@ -216,7 +216,7 @@ class CodedLight(Light):
 
     @abstractmethod
     def code(self, *, sampled: bool) -> LightCode:
-        """Return the values for the kind's OSL; without `sampled`, only those with which it looks up radiance."""
+        """Return the values for the kind's OSL; without `sampled`, only those for looking up radiance."""
 
 
 @dataclass(frozen=True)

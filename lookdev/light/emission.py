@@ -190,7 +190,7 @@ def shadow_factor(distance: Real, enable: Real, limit: Real, zone: Real, gamma: 
     """Return the share (..., 3) of the light that passes occluders at distances (...).
 
     Occluders beyond `limit` metres cast no shadow. The shadow fades over the last `zone` metres before the limit, with
-    the exponent `gamma`. It has a `color` (3,). `enable` is 1, or 0 for no shadow.
+    the exponent `gamma`. The shadow has a `color` (3,). `enable` is 1, or 0 for no shadow.
     """
     faded = np.clip((limit - distance) / np.where(zone > 0.0, zone, 1.0), 0.0, 1.0) ** gamma
     strength = enable * np.where(zone > 0.0, faded, np.where(distance <= limit, 1.0, 0.0))
@@ -340,7 +340,7 @@ class Emission:
             shadow = replace(shadow, distance=scale * shadow.distance, falloff=scale * shadow.falloff)
         if falloff is None:
             return replace(self, shadow=shadow)
-        # `Falloff.factor` has the unit metre^(2 - exponent); the colour compensates its change.
+        # `Falloff.factor` has the unit metre^(2 - exponent); the colour compensates the change of the factor.
         factor = scale ** (falloff.exponent - 2.0)
         r, g, b = (factor * channel for channel in self.color)
         end = None if falloff.end is None else scale * falloff.end

@@ -1,8 +1,8 @@
 """IES profiles: the luminous intensity of a luminaire in each direction, from files of ANSI/IES LM-63.
 
-The `Shaping` of a light multiplies its radiance by a profile.
-The supported files are those of type C goniophotometry, LM-63-1991 to LM-63-2019. The fields for tilt, lamp and
-luminous opening are read and have no effect, as in the reference implementation of UsdLux.
+The `Shaping` of a light multiplies the light's radiance by a profile. The supported files have type C goniophotometry,
+LM-63-1991 to LM-63-2019. The fields for tilt, lamp and luminous opening are read and have no effect, as in the
+reference implementation of UsdLux.
 """
 
 from __future__ import annotations

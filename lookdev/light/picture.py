@@ -5,7 +5,7 @@ quadrants, and draws one of them as the cell of the next level. A quadrant's pro
 the texture over the quadrant times the quadrant's solid angle. Within the last cell, `spherical_rectangle` draws the
 direction. The means are means of bilinear look-ups, so that a quadrant of mean 0 emits no light.
 
-The shaders' code does the same as `draw_cell` and `cell_pdf`, whose arrays may be symbolic.
+Code generation traces `draw_cell` and `cell_pdf` (`TexturedRectangle`), so their arrays may be symbolic.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ def draw(rectangle: SphericalRectangle, u: Array) -> RectanglePoint:
         left, right = rectangle.sine_ranges[max(step - 1, 0)], rectangle.sine_ranges[min(step, segments - 1)]
         segment_width = 0.5 if step in (0, segments) else 1.0
         covered = np.clip(remaining, 0, (left + right) / 2 * segment_width)
-        # The root of left t + (right - left) t^2 / 2 = covered, without cancellation.
+        # Solves left t + (right - left) t^2 / 2 = covered for t, without cancellation.
         root = np.sqrt(np.maximum(left * left + 2 * (right - left) * covered, 0))
         fraction = fraction + np.clip(2 * covered / np.maximum(left + root, _TINY), 0, segment_width) / segments
         remaining = remaining - covered

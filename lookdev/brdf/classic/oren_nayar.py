@@ -5,8 +5,8 @@ f = reflectance / pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min th
 - Oren, M. and Nayar, S. K. 1994. Generalization of Lambert's Reflectance Model. SIGGRAPH, eq. 30.
 
 The model has two lobes: `diffuse` is the term with A, `retroreflection` the term with B. Directions of the second lobe
-are drawn in proportion to ``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``. In the
-weight of a sample, f times the cosine over the pdf, only the sines then vary.
+are drawn in proportion to ``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``. In the weight
+of a sample, f times the cosine over the pdf, only the sines then vary.
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ PHONG = Model(
     parameters=_PARAMETERS,
     bsdf=parts.bsdf_of_lobes(parts.lambert_builder("phong", "diffuse", np.pi), _phong),
     identifier="LookdevPhong",
-    # The albedo of the diffuse lobe is at most pi, and that of the highlight at most 2 pi, at exponent 0.
+    # The albedo of the diffuse lobe is at most pi. The albedo of the highlight is at most 2 pi, at exponent 0.
     energy=lambda tokens: 3.0 * np.pi,
     reciprocal=lambda tokens: ("diffuse",),
     preview=_preview(np.pi),

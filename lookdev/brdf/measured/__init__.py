@@ -98,8 +98,8 @@ def _reciprocal(tokens: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _energy(tokens: Mapping[str, str]) -> float:
-    # The tables have the albedo for some views. Between these views, the albedo differs by
-    # less than a tenth from the tables' values.
+    # The tables have the albedo for some views. Between these views, the albedo differs by less than a tenth from the
+    # values of the tables.
     return 1.1 * float(_load_proposal(load_grid(tokens["file"])).albedo.max())
 
 

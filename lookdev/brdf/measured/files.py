@@ -3,8 +3,8 @@
 All numbers of both formats are little-endian. A negative number marks a missing sample, which counts as 0. `grids`
 explains the angles.
 
-A MERL binary has three int32, 90, 90 and 180, then float64 samples: a block for each of red, green and blue. In
-a block, theta_h varies slowest and phi_d fastest. The units of the blocks are 1/1500, 1.15/1500 and 1.66/1500 per sr.
+A MERL binary has three int32, 90, 90 and 180, then float64 samples: a block for each of red, green and blue. In a
+block, theta_h varies slowest and phi_d fastest. The units of the blocks are 1/1500, 1.15/1500 and 1.66/1500 per sr.
 
 A file of Ngan et al. has 16 int32, then float32 samples in 1/sr, a block for each channel. By their indices, the 16
 int32 are:

@@ -1,8 +1,8 @@
 """Importance sampling of measured data: half vectors are drawn from tables, and some directions from a cosine lobe.
 
-The hemisphere of views is divided into cells, and so is that of half vectors. A view uses the table of its cell, which
-is the mean over some views in the cell. A highlight has nearly the same half vectors for all views, so few cells of
-views suffice.
+The hemisphere of views is divided into cells, and so is the hemisphere of half vectors. A view uses the table of its
+cell. This table is the mean over some views in the cell. A highlight has nearly the same half vectors for all views, so
+few cells of views suffice.
 
 The floor of f is a small quantile of its values over the projected hemisphere. The table has a number for each cell of
 half vectors: the mean, over some points of the cell, of ``(f - floor) cos`` times the Jacobian ``4 wi . wm`` from
@@ -219,8 +219,8 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
 def _edge_density(at_edges: Floats, mean: Floats, solid: Floats) -> Floats:
     """Return the density (thetas + 1,) at the edges of cells in theta_h, normalised to the integral 1.
 
-    `at_edges` (thetas + 1,) are the values before this, `mean` (thetas,) the mean values in the cells, and `solid`
-    (thetas,) the solid angles of the cells. A value is raised where the mean of a neighbouring cell is much higher.
+    `at_edges` (thetas + 1,) is the density before it is normalised, `mean` (thetas,) its mean in each cell, and `solid`
+    (thetas,) the solid angle of each cell. A value is raised where the mean of a neighbouring cell is much higher.
     """
     neighbours = 0.25 * (np.append(mean, mean[-1]) + np.append(mean[0], mean))
     density = np.maximum(at_edges, neighbours)

@@ -63,7 +63,7 @@ def resulting_lobe(incoming: str, lobe: str) -> str:
 def combine_partitions(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
     """Return the combined partition of layers, which are given, base first, by their partitions, masks and modes.
 
-    All partitions are for the same views. Masks (...) are in [0, 1], and that of the base has no effect. Mode
+    All partitions are for the same views. Masks (...) are in [0, 1]. The mask of the base has no effect. Mode
     ``"over"`` is simple layering, A over B. In mode ``"transmit"``, the light that a layer transmits meets all six
     lobes of the layers beneath instead of leaving on the other side.
     """

@@ -91,7 +91,7 @@ class PartitionLobe:
         return normal, grazing
 
     def with_weights(self, normal: Callable[[Array], Array], grazing: Callable[[Array], Array]) -> PartitionLobe:
-        """Return the lobe with functions applied to its weights at normal and grazing incidence, and to its metals'."""
+        """Return the lobe with functions applied to its weights at normal and grazing incidence, also in `metals`."""
         metals = tuple(
             replace(metal, normal=normal(metal.normal), grazing=grazing(metal.grazing)) for metal in self.metals
         )
@@ -231,9 +231,9 @@ def _reflected_term(p: Parameters) -> PartitionLobe:
 
 
 def _scaled_reflectances(p: Parameters) -> tuple[Real, Real]:
-    """Return the dielectric's scaled reflectance (...) at normal incidence, and the factor (...) of the metal's one.
+    """Return the dielectric's scaled reflectance (...) at normal incidence, and a factor (...) for the metal.
 
-    The metal has the exact Fresnel term.
+    The factor multiplies the metal's exact reflectance.
     """
     return np.minimum(0.05 * p["normalScale"], 1.0), np.minimum(p["normalScale"], 1.0)
 
@@ -271,7 +271,7 @@ def _diffuse(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmits:
         # Smits, "Diffuse", divided by pi: in the paper, f of a perfect diffuser is 1.
         return term.weight(d.cos_theta_i) * (1.0 / np.pi)
 
-    # The share is the directional albedo, because the cosine-weighted mean of Schlick's weight (1 - cos)^5 is 1/21.
+    # The share is the directional albedo. The cosine-weighted mean of Schlick's weight (1 - cos)^5 is 1/21.
     at_normal, at_grazing = term.end_weights()
     share = mean(at_normal) * (20.0 / 21.0) + mean(at_grazing) * (1.0 / 21.0)
     return Lobe(

@@ -93,7 +93,7 @@ def check_exposed(peak: float, exposure: float, where: str) -> None:
 
 
 def map_in_space(radiance: Floats, color: tuple[float, float, float], digest: str, space: Space) -> EnvironmentMap:
-    """Return a map (H, W, 3), of linear Rec.709, times a colour, converted to a colour space.
+    """Return a linear Rec.709 map (H, W, 3), multiplied by a colour and converted to a colour space.
 
     `digest` is the digest of the given map; the digest of the result is computed from it, the colour and the space.
     """

@@ -1,4 +1,4 @@
-"""The slots of a dome light: for each bin of normals, ranges of the light's points of equal probability.
+"""The slots of a dome light: for each bin of normals, ranges of the light's points with equal probabilities.
 
 For a diffuse surface, the best pdf is proportional to radiance times cosine. The points (`points`) are distributed in
 proportion to the radiance. For each bin of normals (`bins`), the curve of the points is cut into M *slots*. A slot is a
