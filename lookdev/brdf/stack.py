@@ -1,8 +1,8 @@
 """Combine the layers of a look, of any models, into one BSDF.
 
-The model of the base combines the base with the layers directly above it (`Model.stack`), up to the first layer that is
-of another model, is a coat, or differs in a token whose `Parameter.agreement` is ``"apart"``. From this first layer
-upwards, the BSDFs of the single layers are blended, one by one, by their masks.
+The model of the base combines the base with the layers directly above it (`Model.stack`). This group ends below the
+first layer that is of another model, is a coat, or differs in a token whose `Parameter.agreement` is ``"apart"``. From
+this first layer upwards, the BSDFs of the single layers are blended, one by one, by their masks.
 """
 
 from __future__ import annotations
