@@ -31,7 +31,7 @@ def half_difference(theta_h: ArrayLike, theta_d: ArrayLike, phi_d: ArrayLike) ->
     x, y, z = np.sin(d) * np.cos(phi), np.sin(d) * np.sin(phi), np.cos(d)
 
     def direction(sign: float) -> Floats:
-        """Return the direction to the light for sign 1, and that to the viewer for sign -1."""
+        """Return the direction to the light for sign 1, and to the viewer for sign -1."""
         return np.stack([sign * x * np.cos(h) + z * np.sin(h), sign * y, z * np.cos(h) - sign * x * np.sin(h)], axis=-1)
 
     return direction(-1.0), direction(1.0)

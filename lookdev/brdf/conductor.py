@@ -1,6 +1,6 @@
 """Metals by name: the measured index of refraction, eta + ik, by wavelength, and the colour that a metal reflects.
 
-The numbers in ``data/metals.csv`` are those of the refractiveindex.info database (public domain, CC0), from 365 to
+The numbers in ``data/metals.csv`` are from the refractiveindex.info database (public domain, CC0), from 365 to
 821 nm. Where the curves are smooth, some of the database's wavelengths are left out. docs/notebook/metal-spectra.md
 compares the publications.
 
@@ -47,7 +47,7 @@ METALS: dict[str, str] = {
     "titanium": "Johnson and Christy 1974",
     "tungsten": "Rakić et al. 1998",
 }
-"""The publication of eta and k of each metal, by the metal's name. Brass is 70 % copper and 30 % zinc."""
+"""The publication with the eta and k of each metal, by the metal's name. Brass is 70 % copper and 30 % zinc."""
 
 _DATA = Path(__file__).parent / "data" / "metals.csv"
 
@@ -80,7 +80,7 @@ _OBSERVER = np.array([
     ],
 ])  # fmt: skip
 
-# The inverse of the matrix that the primaries and the white of ITU-R BT.709 define.
+# Converts XYZ to linear Rec.709: the inverse of the matrix that the primaries and the white of ITU-R BT.709 define.
 _XYZ_TO_REC709 = np.array([
     [3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252],
 ])  # fmt: skip
@@ -102,7 +102,7 @@ def metal_indices(name: str, wavelengths: Array) -> tuple[Array, Array]:
 def metal_curve(name: str, cos_theta: Array) -> Array:
     """Return the reflectance (..., 3) in linear Rec.709 of one of `METALS`, at cosines of incidence (...).
 
-    It is not clipped: the red of gold is above 1. An unknown metal raises ModelError.
+    The reflectance is not clipped: the red of gold is above 1. An unknown metal raises ModelError.
     """
     spectrum = conductor_fresnel(np.expand_dims(cos_theta, -1), *metal_indices(name, _WAVELENGTHS))
     # The sum of D65 in steps of 10 nm is not exactly the white of Rec.709. The division makes it exact.
@@ -129,7 +129,7 @@ def _rec709(spectrum: Array) -> Array:
 
 @cache
 def _load_spectra() -> dict[str, Floats]:
-    """Return the wavelengths, eta and k of each metal, an array (wavelengths, 3), by the metal's name."""
+    """Return, by the metal's name, an array (wavelengths, 3) whose columns are the wavelength in nm, eta and k."""
     rows: dict[str, list[list[float]]] = {}
     with _DATA.open(newline="", encoding="ascii") as file:
         for row in csv.DictReader(file):

@@ -60,17 +60,17 @@ def _glass(p: Parameters) -> Bsdf:
     def deltas(wo: Array, inside: BooleanArray) -> tuple[Delta, ...]:
         frame, x, y, cosine = _frame_and_view(p["normal"], wo)
         eta_i, eta_t = (np.where(inside, p[a], p[b]) for a, b in (("eta", "externalIor"), ("externalIor", "eta")))
-        # eta_i is the index of refraction on the viewer's side, eta_t that on the other side.
+        # eta_i is the index of refraction on the viewer's side, eta_t the index on the other side.
         n = eta_i / eta_t
         reflectance = conductor_fresnel(cosine, eta_t, 0.0, eta_i)
-        # Snell's law: the squared cosine of the refracted direction. 1 - n^2 (1 - cos^2) would cancel near the critical
-        # angle.
+        # By Snell's law, `cos2` is the squared cosine of the refracted direction. The form 1 - n^2 (1 - cos^2) would
+        # cancel near the critical angle.
         cos2 = 1.0 - n * n * (x * x + y * y)
         cos_t = np.sqrt(np.maximum(cos2, 0.0))
         refracted = frame.from_local(vector(-n * x, -n * y, -cos_t))
         is_refracted = (cos2 > 0.0) & (refracted[..., 2] < 0.0)
         refracted = vector(refracted[..., 0], refracted[..., 1], np.where(is_refracted, refracted[..., 2], 0.0))
-        # The transmissivities of both polarisations (Born and Wolf, 1.5.2). 1 minus the reflectance would cancel.
+        # The mean transmissivity of both polarisations (Born and Wolf, 1.5.2). 1 minus the reflectance would cancel.
         s, t = n * cosine + cos_t, cosine + n * cos_t
         transmittance = 2.0 * n * cosine * cos_t * (1.0 / np.maximum(s * s, TINY) + 1.0 / np.maximum(t * t, TINY))
         # Pharr et al., section 16.1.3: refraction changes the solid angle of light, and so scales radiance by n^2.

@@ -7,8 +7,8 @@
 The model has three lobes: `diffuse` (diffuse reflection, subsurface shape and sheen), `specular` (GTR2) and `clearcoat`
 (GTR1). As published, ``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing
 angles. The parameters for a normal of each lobe, for the general GTR and for thin films follow suggestions of section 6
-and appendix B. Two more extend the published model: `presence`, the coverage of the surface, and `fresnel`, by which
-metals have the exact Fresnel term.
+and appendix B. Two more parameters extend the published model: `presence` is the coverage of the surface, and
+`fresnel` selects the Fresnel term of metals, as published or exact.
 
 Section numbers in this file are those of Burley 2012.
 """
@@ -67,7 +67,8 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     return Lobe(
         "disney",
         "diffuse",
-        # The albedo is about the base colour plus a tenth of the sheen colour, whose factor is (1 - cos theta_d)^5.
+        # The albedo is about the base colour plus a tenth of the sheen colour. Sheen has the factor
+        # (1 - cos theta_d)^5.
         dielectric * (mean(base_color) + 0.1 * mean(sheen_color)),
         evaluate,
         pdf=lambda d: d.cos_theta_i * (1.0 / np.pi),
@@ -80,7 +81,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     )
 
 
-# Burley 2012, addenda, "Anisotropic specular details"; the floor of 0.001 is that of Disney's BRDF Explorer.
+# Burley 2012, addenda, "Anisotropic specular details"; the floor of 0.001 is from Disney's BRDF Explorer.
 def _alphas(p: Parameters) -> tuple[Array, Array]:
     """Return the alphas of the specular lobe along tangent and bitangent."""
     aspect, square = np.sqrt(1.0 - 0.9 * p["anisotropic"]), p["roughness"] * p["roughness"]
@@ -92,7 +93,7 @@ def _f0(p: Parameters) -> Array:
     """Return Schlick's reflectance (..., 3) at normal incidence of the specular lobe.
 
     For a dielectric it is 0.08 times `specular`, tinted. For a metal it is the base colour. If metals have the exact
-    Fresnel term, the result is that for a dielectric.
+    Fresnel term, the result is the dielectric's reflectance.
     """
     dielectric = scale(mix_color(np.ones(3), _tint(p["baseColor"]), p["specularTint"]), 0.08 * p["specular"])
     return dielectric if is_exact(p) else mix_color(dielectric, p["baseColor"], p["metallic"])
@@ -296,7 +297,7 @@ def _preview(p: Parameters) -> dict[str, Real]:
     if is_exact(p):
         exact["diffuseColor"] = mix_color(p["baseColor"], metal_fresnel(p, np.ones(())), p["metallic"])
     return exact | {
-        # The weight of the clearcoat lobe, and the root of its alpha.
+        # The weight of the clearcoat lobe, and the square root of the lobe's alpha.
         "clearcoat": 0.25 * p["clearcoat"],
         "clearcoatRoughness": np.sqrt(mix(0.1, 0.001, p["clearcoatGloss"])),
         "f0": 0.08 * p["specular"],

@@ -6,9 +6,10 @@ converts the resulting spectrum to linear Rec.709. A film of index 1, or of no t
 
 Two kinds of surfaces can be under the film:
 
-- Of a surface in general, only the reflectance without a film is known, at the same angle of incidence. Its reflected
-  amplitudes are assumed to have the phase of a dielectric's, and to be the same for both polarisations.
-- Of a metal, the complex index of refraction is known. It reflects the complex amplitudes of Fresnel's equations
+- Of a surface in general, only the reflectance without a film is known, at the same angle of incidence. The
+  amplitudes that the surface reflects are assumed to have the phase that they have for a dielectric, and to be the same
+  for both polarisations.
+- Of a metal, the complex index of refraction is known. The metal reflects the complex amplitudes of Fresnel's equations
   between film and metal, as in Belcour and Barla, section 3.
 
 The terms of Airy's sum have the colours of the spectra ``cos(2 pi m x / wavelength)``, where x is the optical path
@@ -58,9 +59,9 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
     root = np.sqrt(np.minimum(bare, 1.0))
     bare_ratio = (1.0 - root) / (1.0 + root)  # the ratio of admittances of the bare surface, for the amplitude -root
     total: Real = 0.0
-    # An amplitude r can be written as a ratio of admittances, (1 + r) / (1 - r). The ratios of successive faces
-    # multiply to that of the bare surface. For each polarisation, a is the ratio of the film's upper face, and b that
-    # of its lower face. In Airy's sum, `incoherent` is the part without interference.
+    # An amplitude r can be written as a ratio of admittances, (1 + r) / (1 - r). The product of both faces' ratios is
+    # the ratio of the bare surface. For each polarisation, a is the ratio of the film's upper face, and b the ratio of
+    # the lower face. In Airy's sum, `incoherent` is the part without interference.
     for upper_ratio in (cos_theta / inside, inside / (ior * ior * cos_theta)):
         a = np.expand_dims(upper_ratio, -1)
         b = bare_ratio / a
@@ -68,7 +69,7 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
         incoherent = (a * one_minus_b * one_minus_b + b * (1.0 - a) * (1.0 - a)) / denominator
         transmitted = 4.0 * bare_ratio / denominator
         product = (a - 1.0) * one_minus_b / ((a + 1.0) * (1.0 + b))
-        # The series in powers of minus the product of both faces' amplitudes, by Horner's rule.
+        # `series` is a power series in -r s, where r and s are the amplitudes of both faces. Horner's rule sums it.
         series: Real = 0.0
         for color, _ in reversed(colors):
             series = product * (color + series)
@@ -101,7 +102,8 @@ def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Re
         reflected, absorbed = ((a - b) * (a - b) + (ia - ib) * (ia - ib)) / norm, 4.0 * (a * b + ia * ib) / norm
         squared = amplitude * amplitude
         denominator = np.maximum(transmitted + squared * absorbed, TINY)
-        # The series in powers of minus the product of both faces' amplitudes, complex numbers, by Horner's rule.
+        # The series is a power series in -r s, where r and s are the complex amplitudes of both faces: `real` and
+        # `imaginary` are the parts of -r s. Horner's rule sums it.
         real = amplitude * ((b - a) * (b + a) + (ib - ia) * (ib + ia)) / norm
         imaginary = amplitude * 2.0 * (a * ib - ia * b) / norm
         series: Real = 0.0
@@ -132,7 +134,8 @@ def _path_colors(path: Array) -> list[tuple[Array, Array]]:
     decay = 2.0 * np.square(np.pi * _WIDTH * path)
     phases = [2.0 * np.pi * centre * path for centre in _CENTRES]
     waves = [(np.cos(phase), np.sin(phase)) for phase in phases]
-    # `waves` are cosine and sine of m times the phase, for the order m of the loop, and `previous` those for m - 1.
+    # For each Gaussian, `waves` has the cosine and sine of m times the phase, for the order m of the loop. `previous`
+    # has them for m - 1.
     doubled, previous = [2.0 * cosine for cosine, _ in waves], [(1.0 + 0.0 * path, 0.0 * path) for _ in waves]
     colors = []
     for order in range(1, _ORDER_COUNT + 1):

@@ -19,7 +19,7 @@ ZENITH: Floats = np.array([0.0, 0.0, 1.0])
 """The shading normal in its own frame."""
 
 _MIN_NORMAL_Z = 0.01  # the least z of a normal map, before it is normalized
-_MIN_VIEW_COSINE = 1e-4  # the least cosine between view and normal, to which frames are bent
+_MIN_VIEW_COSINE = 1e-4  # frames are bent until view and normal have at least this cosine
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class TiltedFrame:
 
     # Duff et al. 2017, listing 3, for z > -1.
     def _axes(self) -> tuple[Array, Array]:
-        """Return tangent and bitangent; they are exactly those of the shading frame if the normal is the zenith."""
+        """Return tangent and bitangent; if the normal is the zenith, they are exactly the axes of the shading frame."""
         x, y = self.normal[..., 0], self.normal[..., 1]
         a = -1.0 / (1.0 + self.normal[..., 2])
         b = x * y * a

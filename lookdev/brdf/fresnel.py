@@ -67,7 +67,8 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     a, b = square_root(real, cross)
     is_real = real >= 0.0  # whether a >= b
     b2, plus = b * b, cos_theta + a
-    # For similar media b and cos - a are small: cos^2 - a^2 = -(excess + b^2) does not cancel.
+    # For similar media, b and cos - a are small. cos^2 - a^2 is -(excess + b^2), which does not cancel. The sign of
+    # `minus` does not matter, as only its square is used.
     minus = np.where(is_real, (excess + b2) / np.maximum(plus, TINY), cos_theta - a)
     reflectance_s = (minus * minus + b2) / np.maximum(plus * plus + b2, TINY)
     p_minus, p_plus, b2_cos2 = cos_theta * a - sin2, cos_theta * a + sin2, b2 * cos2

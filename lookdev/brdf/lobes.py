@@ -74,7 +74,7 @@ class Lobe:
         Whether light and viewer are on opposite sides. The functions above then take and return the light's direction
         mirrored to the viewer's side.
     has_own_horizon
-        Whether the horizon of a tilted lobe is that of its own normal alone. Otherwise f is also 0 where a direction is
+        Whether its own normal alone determines the horizon of a tilted lobe. Otherwise f is also 0 where a direction is
         on the wrong side of the shading normal.
     broad
         Whether the lobe is nearly constant, so that directions drawn in proportion to light times cosine suit it as
@@ -171,8 +171,8 @@ class Bsdf:
         The coverage of the surface. A ray continues unchanged with weight ``1 - presence``, which the functions of
         `lookdev.brdf.mixture` do not include.
     two_sided
-        Whether the surface is thin. For a view from below the horizon, f is then that of both directions negated. Other
-        surfaces are black from below.
+        Whether the surface is thin. For a view from below the horizon, f then has the value that it has if both
+        directions are negated. Other surfaces are black from below.
     deltas
         Function that returns the terms along single directions. Its arguments are the directions to the viewer, and a
         mask (...) that is true where the viewer is inside the solid that the surface bounds. The functions of

@@ -50,8 +50,8 @@ INDEX_QUOTES = {
 class MetalIndex(TypedDict):
     """The eta and k of each channel of a metal.
 
-    `deviation` is the largest difference of each channel's reflectance from that of the metal's spectra
-    (`lookdev.brdf.metal_fits`).
+    `deviation` is, for each channel, the largest difference of the reflectance by eta and k from the reflectance of the
+    metal's spectra (`lookdev.brdf.metal_fits`).
     """
 
     eta: list[float]
@@ -60,9 +60,9 @@ class MetalIndex(TypedDict):
 
 
 class MetalEntry(TypedDict):
-    """The data of a metal: its index by each of `METAL_COLORS`.
+    """The data of a metal: a `MetalIndex` for each of `METAL_COLORS`.
 
-    `outside` has the largest excess of the metal's colour in Rec.709 below 0 and above 1.
+    `outside` has two numbers: the most by which the metal's colour in Rec.709 is below 0, and above 1.
     """
 
     nearest: MetalIndex
@@ -78,7 +78,7 @@ def metal_table() -> dict[str, MetalEntry]:
 
 
 def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, ParameterValue]:
-    """Return the parameters ``"eta"`` and ``"k"`` of one of `METALS`, derived in one of the ways `METAL_COLORS`."""
+    """Return the parameters ``"eta"`` and ``"k"`` of one of `METALS`; `color` is one of `METAL_COLORS`."""
     entry = metal_table()[name]
     index = {"nearest": entry["nearest"], "bands": entry["bands"]}[color]
     (eta, k) = ((red, green, blue) for red, green, blue in (index["eta"], index["k"]))
@@ -89,7 +89,7 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
     """Return the parameters that select a metal by name, ``"metal"`` and ``"metalColor"``.
 
     They are abbreviations (`Parameter.expand`): a metal's name expands to values of eta and k, and to `other_tokens`,
-    values of other parameters.
+    which are values of other parameters. Each layer of a stack may have another metal (`Parameter.agreement`).
     """
 
     def expand_tokens(tokens: Mapping[str, str]) -> Mapping[str, ParameterValue]:
@@ -117,7 +117,7 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
 def metal_parameters(agreement: Literal["apart", "own"]) -> tuple[Parameter, ...]:
     """Return the parameters of a model whose metals can have the exact Fresnel term.
 
-    `agreement` is `Parameter.agreement` of the parameter ``"fresnel"``.
+    `agreement` states how layers may differ in the parameter ``"fresnel"`` (`Parameter.agreement`).
     """
     return (
         token_parameter(

@@ -3,12 +3,12 @@
 The table has an index of refraction, eta + ik, for each of red, green and blue. The red, green and blue of a metal's
 true reflectance (`lookdev.brdf.conductor.metal_curve`) are weighted sums over all wavelengths, with some negative
 weights, so that no single index reproduces one of them exactly. There are two ways to choose the index
-(`lookdev.brdf.metal.METAL_COLORS`). ``"nearest"`` has the smallest deviation. ``"bands"`` are the means of eta and k
-over a band of wavelengths.
+(`lookdev.brdf.metal.METAL_COLORS`). ``"nearest"`` is the index with the smallest deviation. ``"bands"`` has the
+means of eta and k over a band of wavelengths.
 
 The deviation of an index is the largest difference, at angles of incidence from 0 to 90 degrees, between its
-reflectance by Fresnel's equations and the true reflectance, clipped to [0, 1]. `outside` has the largest excess of the
-true reflectance below 0 and above 1.
+reflectance by Fresnel's equations and the true reflectance, clipped to [0, 1]. `outside` has two numbers: the most
+by which the true reflectance is below 0, and above 1, before the clip.
 
 - Gulbrandsen, O. 2014. Artist Friendly Metallic Fresnel. JCGT 3(4).
 - Trent, A. 2017. Rendering Notes, section 4.2.
@@ -47,7 +47,7 @@ def largest_deviation(index: Floats, target: Floats) -> Floats:
 def nearest_index(target: Floats) -> Floats:
     """Return the eta and k, (2,), with the least deviation from reflectances (91,) at `COSINES`.
 
-    Each grid of candidates is smaller than the one before, and is centred at the best candidate of that one.
+    Each grid of candidates is smaller than the one before, and is centred at the best candidate of the previous grid.
     """
     ranges = np.array([INTERFACE[name].hard for name in ("eta", "k")]).T
 
@@ -95,7 +95,7 @@ def make_table() -> dict[str, MetalEntry]:
 
 
 def _rounded_index(index: Floats, target: Floats) -> MetalIndex:
-    """Return the entry of indices (3, 2), with their deviations from true reflectances `target` (91, 3)."""
+    """Return a `MetalIndex` for eta and k (3, 2), with the deviations from true reflectances `target` (91, 3)."""
     eta, k = index.T
     return {"eta": _round(eta), "k": _round(k), "deviation": _round(largest_deviation(index, target.T))}
 

@@ -37,7 +37,7 @@ def gtr1(wm: Array, alpha: Real) -> Array:
 
 # Burley 2012, eq. 2 and 5. sin^2 theta_h = alpha^2 (alpha^(-2 u) - 1) / (1 - alpha^2) is eq. 5 without cancellation.
 def sample_gtr1(alpha: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors with the pdf ``D cos theta_h``, where D is that of `gtr1`."""
+    """Draw half vectors with the pdf ``D cos theta_h``, where D is the result of `gtr1`."""
     alpha2 = alpha * alpha
     return polar(alpha2 * np.expm1(-u2 * np.log(alpha2)) / (1.0 - alpha2), u1)
 
@@ -71,11 +71,11 @@ def gtr_aniso(wm: Array, alpha_x: Real, alpha_y: Real, gamma: Real) -> Array:
 # Burley 2012, eq. 2 and 3. Without cancellation, sin^2 theta_h is (exp(w) - 1) alpha^2 / (1 - alpha^2), where w is
 # log(1 + u (alpha^(2 (gamma - 1)) - 1)) / (1 - gamma).
 def sample_gtr_aniso(alpha_x: Real, alpha_y: Real, gamma: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors with the pdf ``D cos theta_h``, where D is that of `gtr_aniso`."""
+    """Draw half vectors with the pdf ``D cos theta_h``, where D is the result of `gtr_aniso`."""
     alpha2 = alpha_x * alpha_y
     log_alpha2 = np.log(alpha2)
     power = (gamma - 1.0) * log_alpha2
-    # This is -w / log(alpha^2), with w of the comment above.
+    # This is -w / log(alpha^2), with w of the comment above the function.
     scaled_log = u2 * _expm1_ratio(power) * _log1p_ratio(u2 * np.expm1(power))
     sin2 = np.minimum(alpha2 * scaled_log * _expm1_ratio(-log_alpha2 * scaled_log) / _expm1_ratio(log_alpha2), 1.0)
     phi = 2.0 * np.pi * u1
@@ -131,9 +131,9 @@ def sample_visible_ggx(wo: Array, alpha_x: Real, alpha_y: Real, u1: Array, u2: A
 
 
 def visible_ggx_pdf(wo: Array, d: Array, alpha_x: Real, alpha_y: Real) -> Array:
-    """Return the pdf over reflected directions of `sample_visible_ggx`, ``G1(wo) D / (4 cos_theta_o)``.
+    """Return the pdf ``G1(wo) D / (4 cos_theta_o)`` of views mirrored about the half vectors of `sample_visible_ggx`.
 
-    `d` is D at the half vector.
+    `wo` are the views, and `d` is D at the half vector.
     """
     return 0.5 * d * smith_ggx_aniso(wo, alpha_x, alpha_y)
 
@@ -147,7 +147,7 @@ def sin_gaussian(wm: Array, power: Real) -> Array:
 
 
 def sample_sin_gaussian(power: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors with the pdf ``D cos theta_h``, where D is that of `sin_gaussian`."""
+    """Draw half vectors with the pdf ``D cos theta_h``, where D is the result of `sin_gaussian`."""
     sin2 = np.clip(-np.log(1.0 + u1 * np.expm1(-power)) / power, 0.0, 1.0)
     sin_theta = np.sqrt(sin2)
     phi = 2.0 * np.pi * u2

@@ -111,8 +111,8 @@ class Mixture:
         if len(self.lobes) == 1:
             yield LobeChoice(self.lobes[0], self.lobes[0].share + 0.0 * u > 0.0, u)
             return
-        # All in units of the shares: the number, its distance from the beginning of a lobe's interval, and the
-        # interval's end.
+        # `position` is the number, `offset` its distance from the beginning of a lobe's interval, and `upper` the end
+        # of the interval. All three are in units of the shares.
         position = u * self.total_share
         offset, upper = position, 0.0
         for lobe in self.lobes:
@@ -150,7 +150,7 @@ class Mixture:
 def estimate_albedo(mixture: Mixture) -> Array:
     """Return an estimate (..., 3) of the directional albedo, which has no noise.
 
-    It is the sum over the lobes of ``f cos / pdf`` of a single sample, that of the uniform numbers (0.5, 0.5). It is
+    Each lobe adds ``f cos / pdf`` of one sample, which is drawn with the uniform numbers (0.5, 0.5). The estimate is
     exact for lobes whose pdf is proportional to f times the cosine.
     """
     total: Array = np.zeros(3)

@@ -44,10 +44,10 @@ class StackLayer:
 class Preview:
     """The approximation of a model by UsdPreviewSurface.
 
-    `same` has the model's parameter for each input of UsdPreviewSurface that has the same meaning. The parameter for
+    `same` maps inputs of UsdPreviewSurface to the model's parameters with the same meaning. The parameter for
     ``opacity`` is the presence of a layer. `derived` is a function of all parameters (tokens, and float64 arrays () or
-    (3,)) that returns the values of other inputs by name. Inputs that it leaves out have their defaults. Its ``f0``,
-    the reflectance at normal incidence, determines the index of refraction.
+    (3,)) that returns the values of other inputs by name. Inputs that it leaves out have their defaults. Instead of
+    ``ior``, the function returns ``f0``, the reflectance at normal incidence, which determines the index of refraction.
     """
 
     same: Mapping[str, str] = field(default_factory=dict)
@@ -69,14 +69,14 @@ class Model:
     bsdf
         Function of all parameters, by name, that returns the BSDF of one layer.
     combine
-        Function of layers of this model, base first, that returns one BSDF. If a model has none, the masks blend the
-        parameters of its layers.
+        Function of layers of this model, base first, that returns one BSDF. If a model has no such function, the masks
+        blend the parameters of its layers.
     identifier
         The `info:id` of the model's UsdShade shader.
     energy
         Function of the tokens, by name, that returns an upper bound of the directional albedo. The bound is above 1 if
-        the published model does not conserve energy. It holds if all normals are the shading normal, optional numbers
-        have their defaults, and numbers whose default is at most 1 are at most 1.
+        the published model does not conserve energy. The bound holds if all normals are the shading normal, optional
+        numbers have their defaults, and numbers whose default is at most 1 are at most 1.
     reciprocal
         Function of the tokens, by name, that returns the names of reciprocal lobes. Their f(wo, wi) is f(wi, wo) if all
         normals are the shading normal.
@@ -124,9 +124,9 @@ class Model:
     def blend(self, layers: Sequence[StackLayer]) -> Parameters:
         """Blend the parameters of layers, base first, by their masks (Burley 2012, section 5.7).
 
-        A blended value is exactly that of the upper layer where its mask and presence are 1, and exactly the value
-        beneath where its mask is 0. If the model has a presence, the weight of a layer is its share of the surface that
-        the layers cover by mask and presence.
+        A blended value is exactly the upper layer's value where that layer's mask and presence are 1, and exactly the
+        value beneath where that layer's mask is 0. If the model has a presence, the layers need not cover the whole
+        surface. The weight of a layer is then its share of the part that they cover.
 
         Raises
         ------
@@ -163,7 +163,7 @@ class Model:
         }
 
     def tokens(self, values: Mapping[str, str]) -> dict[str, str]:
-        """Return all tokens of the model by name, those in `values` and the defaults of the others."""
+        """Return the values of all tokens of the model by name: those in `values`, and defaults for the others."""
         return {
             parameter.name: str(parameter.default)
             for parameter in self.parameters.values()
@@ -171,7 +171,7 @@ class Model:
         } | dict(values)
 
     def complete(self, constants: Mapping[str, object]) -> dict[str, Floats | str]:
-        """Return the values of all parameters, constants and defaults (`lookdev.brdf.parameters.complete`)."""
+        """Return the values of all parameters: `constants`, and defaults for the others (`parameters.complete`)."""
         return complete(self.name, self.parameters, constants)
 
 
@@ -179,7 +179,7 @@ _PRESENCE = "presence"
 
 
 def _share_and_presence(below: Parameters, layer: StackLayer) -> tuple[Real, Real]:
-    """Return the visible share (...) of a layer over one with parameters `below`, and the presence (...) of both."""
+    """Return the visible share (...) of a layer above one with parameters `below`, and their joint presence (...)."""
     coverage, presence_below = layer.mask * layer.parameters.get(_PRESENCE, 1.0), below.get(_PRESENCE, 1.0)
     if are_equal(presence_below, 1.0):
         return coverage, presence_below + 0.0 * coverage  # has the shape of the mask

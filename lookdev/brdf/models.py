@@ -52,7 +52,7 @@ def model_named(name: str) -> Model:
 
 
 def layer_shaders() -> dict[str, str]:
-    """Return the names of the models by the identifiers of their UsdShade shaders, which are the layers of looks."""
+    """Return the name of each model by the identifier of its UsdShade shader; such a shader is a layer of a look."""
     return {model.identifier: name for name, model in MODELS.items()}
 
 

@@ -42,7 +42,8 @@ class Parameter:
     unit
         The unit of the number, empty for a ratio.
     follows
-        The name of a parameter with the same default. If this parameter is not given, it has the value of that one.
+        The name of another parameter with the same default. If this parameter is not given, it has the value of the
+        other one.
     optional
         Whether the number belongs to a part of the model that is off at the number's default.
     agreement
@@ -50,9 +51,11 @@ class Parameter:
         that differ are blended in the same way as layers of different models. ``"own"``: each layer has its own value.
     expand
         If a token is an abbreviation, and not a form of the model: a function that returns the values of other
-        parameters, by name, from all tokens of the layer. When these have been set, the token has its default.
+        parameters, by name, from all tokens of the layer. After these parameters have been set, the token has its
+        default.
     file
-        A function that reads a file. A token with such a function may also be the path of a file, and must be given.
+        A function that reads a file, given by its path. A token with such a function is the path of a file or one of
+        `choices`, and must be given.
     """
 
     name: str
@@ -104,7 +107,7 @@ _T = TypeVar("_T")
 
 
 def add_followers(parameters: Mapping[str, Parameter], values: Mapping[str, _T]) -> dict[str, _T]:
-    """Return `values`, with the values of the parameters that are not among them and follow one of them added."""
+    """Return `values`, and add the parameters that are left out and follow a given one (`Parameter.follows`)."""
     following = {name: parameter.follows for name, parameter in parameters.items() if name not in values}
     return dict(values) | {name: values[leader] for name, leader in following.items() if leader in values}
 
@@ -119,7 +122,7 @@ def expand_tokens(
     Raises
     ------
     ModelError
-        A token is not one of its choices, or one of `values` contradicts a value of an abbreviation.
+        A token is not one of its choices, or one of `values` contradicts the expansion of an abbreviation.
     """
     shorthands = {name for name in values if name in parameters and parameters[name].expand}
     if not shorthands:

@@ -15,12 +15,12 @@ def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tupl
     """Return directions to the light (n, 3) above the horizon, and their quadrature weights (n,) in steradians.
 
     The directions are mirror images of `view` (3,), a unit direction above the horizon, about a grid of half vectors.
-    `cells` are the numbers of cells along the slope and the azimuth of the half vector. A cell has two Gauss nodes
-    along each of them.
+    `cells` are the numbers of cells along the slope and the azimuth of the half vector. A cell has two by two
+    Gauss nodes.
 
     With ``t = tan^2 theta_h`` and ``t0 = alpha^2 / 4``, cells along the slope have equal steps of ``log(1 + t / t0)``.
     These are nearly equal steps of t within a lobe of width `alpha`, and logarithmic steps beyond. The grid ends at
-    ``tan theta_h = 2 / view_z``. No half vector beyond gives a direction above the horizon.
+    ``tan theta_h = 2 / view_z``. Half vectors beyond this end give no direction above the horizon.
     """
     t0 = (0.5 * alpha) ** 2
     nodes, weights = np.polynomial.legendre.leggauss(2)  # type: ignore[no-untyped-call]

@@ -14,7 +14,7 @@ from pathlib import Path
 from lookdev.brdf.vectors import Real
 
 Coefficients = Sequence[Sequence[float]]
-"""The coefficients of a polynomial: row i has those of x^i, by the power of y."""
+"""The coefficients of a polynomial: number j of row i is the factor of ``x^i y^j``."""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The directional albedo of a GGX lobe with Schlick's Fresnel term, by fits, for layers with mode ``"coat"``.
 
-It is the share of the light that a coat reflects, and that the layers beneath do not receive. ``python -m
+The albedo is the share of the light that a coat reflects, and that the layers beneath do not receive. ``python -m
 lookdev.closures.reflectance`` makes the fits, and writes ``data/reflectance.json`` with their coefficients and
 residuals.
 """
@@ -40,5 +40,5 @@ def ggx_albedo(cos_theta: Array, alpha: Array) -> tuple[Array, Array]:
 
 
 def relative_cosine(cos_theta: Array, alpha: Array) -> Array:
-    """Return the cosine (...) of the view relative to the lobe's width, in [0, 1], in which the fits are smooth."""
+    """Return the cosine (...) of the view relative to the lobe's width, in [0, 1], as a variable for smooth fits."""
     return cos_theta / np.sqrt(cos_theta * cos_theta + alpha * alpha)

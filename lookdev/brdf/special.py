@@ -1,6 +1,6 @@
 """Special functions for the classic models, in plain arithmetic: code generation can trace them.
 
-They are precise also in float32. OSL's own logarithm near 1, exponential near 0 and arc cosine have errors of 1e-7 or
+They are also precise in float32. OSL's own logarithm near 1, exponential near 0 and arc cosine have errors of 1e-7 or
 more. NumPy lacks the complementary error function. Coefficients were fitted at Chebyshev nodes.
 """
 

@@ -1,8 +1,8 @@
 """Combine the layers of a look, of any models, into one BSDF.
 
-The base and the layers directly above it that are of the same model are combined by this model (`Model.stack`). The
-first layer that is of another model, is a coat, or differs in a token whose `Parameter.agreement` is ``"apart"`` is
-not one of them. From this layer upwards, the BSDFs of the single layers are blended, one by one, by their masks.
+The model of the base combines the base with the layers directly above it (`Model.stack`). This group ends below the
+first layer that is of another model, is a coat, or differs in a token whose `Parameter.agreement` is ``"apart"``. From
+this first layer upwards, the BSDFs of the single layers are blended, one by one, by their masks.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def find_mode_conflict(mode: Mode, models: Sequence[str]) -> int | None:
 
 
 def _blend(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
-    """Return the blend of two BSDFs by mask and presence of a layer, whose BSDF is `above`.
+    """Return the blend of two BSDFs by the mask and presence of a layer; `above` is the layer's BSDF.
 
     f is ``mask * f_above + (1 - mask * presence_above) * f_below``, where f_above includes the presence.
     """
@@ -84,7 +84,7 @@ def _blend(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
 
 
 def _coat(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
-    """Return the sum of the BSDF of a coat, `above`, and the BSDF below, attenuated by what the coat reflects."""
+    """Return the sum of a coat's BSDF, `above`, and the BSDF below, which is attenuated by what the coat reflects."""
 
     def beneath(wo: Array) -> Real:
         return 1.0 - layer.mask * above.presence * reflectance(layer, wo)
@@ -105,7 +105,8 @@ def reflectance(layer: StackLayer, wo: Array) -> Real:
 def _sum(below: Bsdf, weight_below: Callable[[Array], Real], above: Bsdf, weight: Real, presence: Real) -> Bsdf:
     """Return the sum of two BSDFs, with the given presence.
 
-    `weight_below`, a function of the views, and `weight` multiply the lobes and deltas of `below` and of `above`.
+    `weight_below`, a function of the views, multiplies the lobes and deltas of `below`. `weight` multiplies the lobes
+    and deltas of `above`.
     """
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:

@@ -1,6 +1,6 @@
 """Tables of numbers that a model looks up, such as measured samples; code generation can trace the look-up.
 
-`look_up` is the only function that models call on arrays besides those of NumPy.
+Besides NumPy's functions, `look_up` is the only function that models call on arrays.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from lookdev.light.sphere import SphereLight
 
 
 def coded_light(lights: Sequence[Light]) -> CodedLight | None:
-    """Return a scene's only light if the OSL of its kind can render it; None if they are rendered as a `CodedRig`."""
+    """Return a scene's only light if the OSL of its kind can render it; None if the scene needs a `CodedRig`."""
     if len(lights) == 1 and LIGHT_KINDS[lights[0].kind].osl is not None and is_plain(lights[0]):
         return cast(CodedLight, lights[0])
     return None

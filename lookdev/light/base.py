@@ -1,9 +1,9 @@
 """The interface of a light: radiance, pdf and sampling in NumPy, and the data that renderers and reports read.
 
 A kind of light is a frozen dataclass that derives from `Light`, and has a `LightKind` in
-`lookdev.light.kinds.LIGHT_KINDS`. Lamps have `shapes`, and domes have a map (`map_dome`); several of them form a rig. A
-kind can also have OSL of its own (`LightKind.osl`), which renders a light that is the only one of its scene. A kind
-that is neither a lamp nor a dome needs such OSL.
+`lookdev.light.kinds.LIGHT_KINDS`. Lamps have `shapes`, and domes have a map (`map_dome`); several lamps and domes
+form a rig. A kind can also have OSL of its own (`LightKind.osl`), which renders a light that is the only one of its
+scene. A kind that is neither a lamp nor a dome needs such OSL.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class LightCode:
 
 
 class Emitter(Protocol):
-    """Light that arrives at shading points, float64.
+    """A source of light that arrives at shading points; all numbers are float64.
 
     Points (..., 3) are in metres, directions (..., 3) are unit vectors from the point towards the light. Both are in
     world space and broadcast with each other.
@@ -73,7 +73,7 @@ class Emitter(Protocol):
 
     @abstractmethod
     def distance(self, point: Floats, direction: Floats) -> Floats:
-        """Return metres (...) to the light; inf where it is infinitely far, or not in that direction."""
+        """Return metres (...) to the light; inf where the light is infinitely far, or not in that direction."""
 
 
 class Light(Emitter):
@@ -103,7 +103,7 @@ class Light(Emitter):
     @property
     @abstractmethod
     def emission(self) -> Emission:
-        """Its emission. `radiance` includes its colour, shaping and falloff; renderers apply its other fields."""
+        """Its emission. `radiance` includes colour, shaping and falloff; renderers apply the other fields."""
 
     @property
     def digest(self) -> str:
@@ -171,7 +171,7 @@ class Light(Emitter):
     def rescale(self, scale: float, origin: Vector) -> Self:
         """Return the light with all lengths multiplied by `scale`, and then moved by the vector `origin` in metres.
 
-        A point that is scaled and moved in the same way receives the same radiance from it.
+        A point that is scaled and moved in the same way receives the same radiance from the light.
         """
         return self.with_emission(self.emission.scale_lengths(scale))
 
@@ -216,7 +216,7 @@ class CodedLight(Light):
 
     @abstractmethod
     def code(self, *, sampled: bool) -> LightCode:
-        """Return the values for the kind's OSL; without `sampled`, only those with which it looks up radiance."""
+        """Return the values for the kind's OSL; without `sampled`, only those for looking up radiance."""
 
 
 @dataclass(frozen=True)
@@ -232,8 +232,8 @@ class LightKind:
     usd
         The readers of its prims, by the USD type names of the prims.
     osl
-        The file of its OSL, whose sections `lookdev.codegen.osl.light` describes; its lights are `CodedLight`. None if
-        the lights of the kind are always rendered as part of a rig (`lookdev.light.lamps`).
+        The file of the kind's OSL; `lookdev.codegen.osl.light` describes the sections of the file. The kind's lights
+        are then `CodedLight`. None if the lights are always rendered as part of a rig (`lookdev.light.lamps`).
     """
 
     type: type[Light]

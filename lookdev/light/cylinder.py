@@ -136,10 +136,10 @@ class CoveringRectangle(NamedTuple):
 def covering_rectangle(point: Floats, length: Floats | float, radius: Floats | float) -> CoveringRectangle:
     """Return the rectangles that cover the side of a cylinder as seen from points (..., 3).
 
-    Let R be the radius and D the distance of a point from the axis. The two planes through the point that touch the
-    cylinder do so in two lines, both at the depth `away` = (D - R) (D + R) / D along the frame's z. The side between
-    these lines has a depth of at least D - R. Projected from the point onto the rectangle's plane, its ends therefore
-    lie up to (D + R) / D times farther out.
+    Let R be the radius and D the distance of a point from the axis. Two planes through the point touch the cylinder, in
+    two lines at the depth `away` = (D - R) (D + R) / D along the frame's z. The side between these lines has a depth of
+    at least D - R. Projected from the point onto the rectangle's plane, the ends of the side therefore lie up to
+    (D + R) / D times farther out.
     """
     x, y, z = np.moveaxis(point, -1, 0)
     axis_distance = np.sqrt(y * y + z * z)

@@ -97,7 +97,8 @@ class DistantLight(Lamp):
 
     @property
     def irradiance_per_nit(self) -> float:
-        # For a cone it is pi sin^2 of half the angle. The colour of parallel light is an irradiance already.
+        # The irradiance from a cone is pi sin^2 of half the angle. The colour of parallel light is an irradiance
+        # already.
         return math.pi * math.sin(math.radians(min(self.angle, 180.0)) / 2.0) ** 2 if self.angle else 1.0
 
     def native_gap(self) -> str | None:

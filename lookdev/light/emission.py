@@ -1,4 +1,4 @@
-"""The emission of a light of any kind: colour, beam shape, shadow, falloff, and the parts of an asset linked to it.
+"""The emission of a light of any kind: colour, beam shape, shadow, falloff, and links to the parts of an asset.
 
 Names and formulas are those of UsdLux: `UsdLuxLightAPI`, `UsdLuxShapingAPI` and `UsdLuxShadowAPI`, documented in
 ``pxr/pluginfo/usdLux/resources/usdLux/schema.usda`` of usd-core 26.11. Radiance is in nits: radiance 1 gives a pixel
@@ -34,7 +34,7 @@ _MIN_DISTANCE = 1e-6  # metres: falloffs clamp distances to it, so that no expon
 def slope(start: float, end: float) -> float:
     """Return the `rise` of a `smooth_step` from `start` to `end`.
 
-    If `end` is not greater than `start` it is 0, and the step is 0 everywhere.
+    If `end` is not greater than `start`, `rise` is 0, and the step is 0 everywhere.
     """
     return 1.0 / (end - start) if end > start else 0.0
 
@@ -65,8 +65,9 @@ def azimuth(direction: Floats) -> Floats:
 def cone_factor(angle: Floats, cone: Real, start: Real, rise: Real) -> Floats:
     """Return the factor (...) of the radiance within the cone of a `Shaping`, 0 outside it.
 
-    `angle` (...) is the emission's angle off the axis, `cone` the cone's, both in radians. From the angle `start` on,
-    the factor falls smoothly to 0 at the cone; `rise` is the `slope` between the two.
+    `angle` (...) is the angle between the emission and the light's axis, `cone` the half angle of the cone, both in
+    radians. From the angle `start` on, the factor falls smoothly to 0 at `cone`; `rise` is the `slope` from `start` to
+    `cone`.
     """
     return np.where(angle <= cone, 1.0 - smooth_step(angle, start, rise), 0.0)
 
@@ -74,12 +75,13 @@ def cone_factor(angle: Floats, cone: Real, start: Real, rise: Real) -> Floats:
 def beam_bound(
     cosine: Floats, squared_sine: Floats, cone: Real, start: Real, rise: Real, focus: Real, tint: Real
 ) -> Floats:
-    """Return an upper bound (...) of the factor of `Shaping`, without its profile, in a cone of directions.
+    """Return an upper bound (...) of the factor of `Shaping`, without its profile, over a bundle of directions.
 
-    The bound is that of the mean over channels.
-    `cosine` (...) is the cosine of the angle between the emission along the cone's axis and the light's axis.
-    `squared_sine` (...) is the squared sine of the cone's half angle; 1 stands for all directions. `cone`, `start` and
-    `rise` are arguments of `cone_factor`, `focus` and `tint` (its mean channel) of `focus_factor`.
+    It bounds the mean over channels. The bundle has all directions within an angle of a central direction. `cosine`
+    (...) is the cosine of the angle between the emission along the central direction and the light's axis.
+    `squared_sine` (...) is the squared sine of the bundle's half angle; 1 means all directions. `cone`, `start` and
+    `rise` are arguments of `cone_factor`. `focus` is an argument of `focus_factor`, and so is `tint`, as the mean of
+    its channels.
     """
     angle = np.arctan2(np.sqrt(np.maximum(1 - cosine * cosine, 0)), cosine)
     spread = np.where(squared_sine < 1, np.arctan2(np.sqrt(squared_sine), np.sqrt(1 - squared_sine)), math.pi)
@@ -156,8 +158,8 @@ class Shadow:
     """The shadow controls of a light: `UsdLuxShadowAPI`.
 
     `distance` and `falloff` are in metres: `distance` is measured from the shading point to the occluder, `falloff` is
-    the length over which the shadow fades before that. A negative `distance` means no limit, a negative `falloff` no
-    fading.
+    the length over which the shadow fades before that distance. A negative `distance` means no limit, a negative
+    `falloff` no fading.
     """
 
     enable: bool = True
@@ -188,7 +190,7 @@ def shadow_factor(distance: Real, enable: Real, limit: Real, zone: Real, gamma: 
     """Return the share (..., 3) of the light that passes occluders at distances (...).
 
     Occluders beyond `limit` metres cast no shadow. The shadow fades over the last `zone` metres before the limit, with
-    the exponent `gamma`. It has a `color` (3,). `enable` is 1, or 0 for no shadow.
+    the exponent `gamma`. The shadow has a `color` (3,). `enable` is 1, or 0 for no shadow.
     """
     faded = np.clip((limit - distance) / np.where(zone > 0.0, zone, 1.0), 0.0, 1.0) ** gamma
     strength = enable * np.where(zone > 0.0, faded, np.where(distance <= limit, 1.0, 0.0))
@@ -203,7 +205,7 @@ class Falloff:
     """The falloff of a light with the distance d in metres from its position; it is not physical.
 
     The irradiance from a small light is its intensity times ``(d + virtual_distance) ** -exponent``, instead of
-    ``d ** -2``. It fades smoothly to 0 from distance `start` to `end`. If `end` is None, it does not fade.
+    ``d ** -2``. The irradiance fades smoothly to 0 from distance `start` to `end`. If `end` is None, it does not fade.
     """
 
     virtual_distance: float = 0.0
@@ -230,9 +232,9 @@ class Falloff:
 
 
 def falloff_factor(distance: Real, virtual: Real, power: Real, start: Real, rise: Real) -> Floats:
-    """Return the factor (...) of the radiance at distances (...): `Falloff.factor`.
+    """Return the factor (...) of the radiance at distances (...) for the fields of a `Falloff`.
 
-    `virtual` is the virtual distance, `power` the negative exponent. The light fades from `start` on, and `rise` is the
+    `virtual` is the virtual distance, `power` is minus the exponent. The light fades from `start` on, and `rise` is the
     `slope` from `start` to the end. The factor contains d^2, because the solid angle already falls with d^-2.
     """
     nearest = np.maximum(distance, _MIN_DISTANCE)
@@ -262,7 +264,7 @@ class LightLink:
         return dict(self.rules)
 
     def includes(self, path: str) -> bool:
-        """Return whether the part of a path is linked: by its own rule, else by its nearest ancestor's rule.
+        """Return whether the part at a path is linked: by its own rule, else by its nearest ancestor's rule.
 
         A rule ``"explicitOnly"`` does not apply to descendants.
         """
@@ -338,7 +340,7 @@ class Emission:
             shadow = replace(shadow, distance=scale * shadow.distance, falloff=scale * shadow.falloff)
         if falloff is None:
             return replace(self, shadow=shadow)
-        # `Falloff.factor` has the unit metre^(2 - exponent); the colour compensates its change.
+        # `Falloff.factor` has the unit metre^(2 - exponent); the colour compensates the change of the factor.
         factor = scale ** (falloff.exponent - 2.0)
         r, g, b = (factor * channel for channel in self.color)
         end = None if falloff.end is None else scale * falloff.end
@@ -347,7 +349,7 @@ class Emission:
         return replace(self, color=(r, g, b), shadow=shadow, falloff=longer)
 
     def in_space(self, space: Space) -> Emission:
-        """Return the emission, linear Rec.709, in another colour space, with the shadow's colour and the focus tint."""
+        """Convert the emission from linear Rec.709 to a colour space, also the shadow's colour and the focus tint."""
         shadow = replace(self.shadow, color=_filter_in_space(self.color, self.shadow.color, space))
         shaping = self.shaping
         if shaping is not None:
@@ -385,10 +387,11 @@ def emitted_color(
     temperature: Sequence[float] = (1.0, 1.0, 1.0),
     size: float = 1.0,
 ) -> Color:
-    """Return an `Emission.color`: `UsdLuxLightAPI`, ``inputs:intensity`` to ``inputs:enableColorTemperature``.
+    """Return an `Emission.color`, computed from the inputs of a light as `UsdLuxLightAPI` defines.
 
-    `temperature` is the value of `UsdLux.BlackbodyTemperatureAsRgb`, or 1 if the colour temperature is not enabled.
-    `size` is the light's `size_factor`, or 1 if its power is not normalized.
+    The inputs are intensity, exposure, normalize, color, enableColorTemperature and colorTemperature. `temperature` is
+    the value of `UsdLux.BlackbodyTemperatureAsRgb`, or 1 if the colour temperature is not enabled. `size` is the
+    light's `size_factor`, or 1 if its power is not normalized.
     """
     check_number("intensity", intensity, least=0.0)
     check_number("exposure", exposure)

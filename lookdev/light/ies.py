@@ -1,8 +1,8 @@
 """IES profiles: the luminous intensity of a luminaire in each direction, from files of ANSI/IES LM-63.
 
-The `Shaping` of a light multiplies its radiance by a profile.
-The supported files are those of type C goniophotometry, LM-63-1991 to LM-63-2019. The fields for tilt, lamp and
-luminous opening are read and have no effect, as in the reference implementation of UsdLux.
+The `Shaping` of a light multiplies the light's radiance by a profile. The supported files have type C goniophotometry,
+LM-63-1991 to LM-63-2019. The fields for tilt, lamp and luminous opening are read and have no effect, as in the
+reference implementation of UsdLux.
 """
 
 from __future__ import annotations
@@ -106,10 +106,10 @@ def profile_factor(
     rows, columns = number(np.zeros_like(vertical)), number(np.ones_like(vertical))
 
     def interval(count: Real, angle_at: Callable[[Array], Array], angle: Array) -> Array:
-        """Return the index of the last of the table's angles that is at most `angle`, and not the last angle of all.
+        """Return the index of the last of the table's angles, apart from the final one, that is at most `angle`.
 
-        `angle_at` returns the angle at an index. Indices are those of the table's row or column, which has `count`
-        numbers; the first angle has index 1.
+        `angle_at` returns the angle at an index. An index is a position in the table's first row or column, which
+        has `count` numbers; the first angle has index 1.
         """
         index = np.ones_like(angle)
         for step in reversed(range(steps)):
@@ -143,7 +143,7 @@ def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = Fals
     TextError
         The file cannot be read.
     EnvironmentMapError
-        It is not an IES file of type C, or contradicts itself; the message names the line.
+        The file is not an IES file of type C, or contradicts itself; the message names the line.
     """
     table = parse_profile(read_bytes(file, _MAX_BYTES).decode("latin-1"), str(file))
     power = profile_power(table) if normalize else 1.0
@@ -156,13 +156,13 @@ def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = Fals
 def profile_power(table: Floats) -> float:
     """Return the mean intensity of a table over the sphere, or over the hemisphere if its angles cover only that.
 
-    UsdLuxShapingAPI, ``inputs:shaping:ies:normalize``, does not define the power by which it divides. Its reference
-    implementation (hdEmbree) divides by this mean, which it integrates by the midpoints of patches. Here the integral
-    of the bilinear table is exact.
+    UsdLuxShapingAPI, ``inputs:shaping:ies:normalize``, does not define the power by which it divides. The reference
+    implementation of UsdLux (hdEmbree) divides by this mean, which it integrates by the midpoints of patches. Here the
+    integral of the bilinear table is exact.
     """
     vertical, horizontal, candela = np.radians(table[0, 1:]), np.radians(table[1:, 0]), table[1:, 1:]
-    # The integral of a linear function times the sine over a vertical step is a weighted sum of its values at both
-    # ends. `weights` (V,) has the sum of these weights for each angle.
+    # The integral of a linear function times the sine over a vertical step is a weighted sum of the function's
+    # values at both ends. `weights` (V,) has the sum of these weights for each angle.
     step = np.diff(vertical)
     mean = (np.sin(vertical[1:]) - np.sin(vertical[:-1])) / step
     weights = np.zeros(len(vertical))
@@ -218,7 +218,7 @@ def parse_profile(text: str, where: str) -> Floats:
 
 
 def _mirror_to_full_circle(horizontal: Floats, candela: Floats) -> tuple[Floats, Floats]:
-    """Return horizontal angles from 0 to 360 and their values (H, V), mirrored from those of a symmetric luminaire."""
+    """Mirror horizontal angles and values (H, V) of a symmetric luminaire, and return those from 0 to 360 degrees."""
     if horizontal[0] == 90.0:  # symmetric about the plane of 90 and 270 degrees: the mirror image of a is 540 - a
         angles = np.unique(np.concatenate([horizontal, (540.0 - horizontal) % 360.0, [0.0, 360.0]]))
         source = np.where((angles < 90.0) | (angles > 270.0), (540.0 - angles) % 360.0, angles)
@@ -238,7 +238,7 @@ def _fault(where: str, line: int, problem: str) -> EnvironmentMapError:
 
 
 class _NumberReader:
-    """Reads the numbers of an IES file one after the other, from the lines after line `after` on.
+    """Reads the numbers of an IES file one after the other, beginning after line `after`.
 
     Every `take` method raises EnvironmentMapError, with the line, if the next numbers are missing or wrong.
     """

@@ -41,11 +41,11 @@ FIELDS = (
     "mean",  # mean radiance of the channels, times the texture's mean and the profile's largest value
     *("turns", "camera"),  # 1 or 0: the flags of `Emission`
     *("cone", "start", "rise", "focus", "tint0", "tint1", "tint2"),  # arguments of `cone_factor` and `focus_factor`
-    *("profile", "profile_scale", "angle_scale"),  # `profile` is its start in the array of tables, -1 without a profile
+    *("profile", "profile_scale", "angle_scale"),  # `profile` is the start of its table in `CodedRig.tables`, or -1
     *("virtual", "power", "fade", "fade_rise"),  # arguments of `falloff_factor`
     *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),  # arguments of `shadow_factor`
     *("diffuse", "specular"),
-    *("picture", "tree"),  # number of its texture, start of its `flat_tree` in the array of tables; or -1
+    *("picture", "tree"),  # number of its texture, start of the texture's means in `CodedRig.tables`; or -1
     "spares",  # index of `Emission.shadow_excluded` in `CodedRig.shadow_excluded`
 )
 """The names of the numbers in the row of a light, in their order."""
@@ -58,7 +58,7 @@ CONTROLS: Mapping[str, Callable[[Emission], object]] = {
     "still": lambda emission: not emission.turns,
     "split": lambda emission: (emission.diffuse, emission.specular) != (1.0, 1.0),
 }
-"""The features of an emission that have code of their own in a shader, and the test whether an emission needs each.
+"""The features of an emission that have code of their own in a shader, each with a test whether an emission needs it.
 
 ``shaped`` is a beam, ``profiled`` an IES profile, ``falling`` a falloff, ``shadowed`` a shadow that is not the default,
 ``still`` a light that does not turn with the rig, ``split`` a factor of the diffuse or specular response.
@@ -70,9 +70,9 @@ def estimate_irradiance(
 ) -> Array:
     """Return an estimate (...) of the irradiance at points (..., 3) with normals (..., 3) from a shape of radiance 1.
 
-    It is positive wherever light from the shape arrives on the side of the normal. `beam` has the arguments of
-    `beam_bound` from `cone` on, None if the emission is the same in all directions. `falloff` has the arguments of
-    `falloff_factor` after the distance, None without a falloff.
+    The estimate is positive wherever light from the shape arrives on the side of the normal. `beam` has the arguments
+    of `beam_bound` from `cone` on; it is None if the emission is the same in all directions. `falloff` has the
+    arguments of `falloff_factor` after the distance; it is None without a falloff.
     """
     axis, squared_sine = shape.cone(point)
     estimate: Array = shape.solid_angle(point) * greatest_cosine(axis, squared_sine, normal)
@@ -147,12 +147,12 @@ class CodedRig:
         return np.array([*rig_origin.offset, *(value for row in rows for value in row)], np.float32)
 
     def tables(self) -> Floats32:
-        """Return the numbers of profiles (`IesProfile.numbers`) and the trees of textures, as one array."""
+        """Return the numbers of profiles (`IesProfile.numbers`) and the means of textures, as one array."""
         return np.asarray(np.concatenate([*self._tables.values(), np.zeros(1)]), np.float32)
 
     @cached_property
     def _tables(self) -> dict[str, Floats]:
-        """The tables of profiles (`IesProfile.numbers`) and textures (`flat_tree`), by the digests of their files."""
+        """`IesProfile.numbers` of each profile and `RectLight.means` of each texture, by the digest of its file."""
         tables = {}
         for emission in self.emissions:
             if emission.shaping and (profile := emission.shaping.profile):

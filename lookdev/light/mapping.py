@@ -24,7 +24,7 @@ def uv_to_direction(uv: ArrayLike) -> Floats:
     """Map coordinates (u, v), an array (..., 2) with u of any value, to unit directions (..., 3)."""
     u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)
     azimuth = np.pi * (1.0 - 2.0 * u)
-    # The cosine of the latitude. With the distance to the nearer pole it is exactly 0 at both poles.
+    # The cosine of the latitude. Computed from the distance to the nearer pole, it is exactly 0 at both poles.
     horizontal = np.sin(np.pi * np.minimum(v, 1.0 - v))
     return np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), -np.cos(np.pi * v)], axis=-1)
 

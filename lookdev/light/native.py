@@ -48,7 +48,7 @@ def missing_shadow_features(emission: Emission) -> Iterator[str]:
 
 
 def world_domes(lights: Sequence[Light]) -> list[Dome]:
-    """Return the domes that are infinitely far; Blender's world renders the sum of them."""
+    """Return the domes that are infinitely far; Blender's world renders their sum."""
     return [light.world_dome for light in lights if light.world_dome]
 
 

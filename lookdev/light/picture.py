@@ -1,11 +1,11 @@
 """The texture of a rectangle light: look-ups, and sampling of directions in proportion to its radiance.
 
-Sampling starts with the whole rectangle as one *cell*, and divides a cell into four quadrants, `LEVELS` times. At each
-level it draws a quadrant, the next cell, in proportion to the mean of the texture over the quadrant times the
-quadrant's solid angle. Within the last cell, `spherical_rectangle` draws the direction. The means are those of bilinear
-look-ups, so that a quadrant of mean 0 emits no light.
+Sampling starts with the whole rectangle as one *cell*, at level 0. `LEVELS` times, it divides the cell into four
+quadrants, and draws one of them as the cell of the next level. A quadrant's probability is proportional to the mean of
+the texture over the quadrant times the quadrant's solid angle. Within the last cell, `spherical_rectangle` draws the
+direction. The means are means of bilinear look-ups, so that a quadrant of mean 0 emits no light.
 
-The shaders' code does the same as `draw_cell` and `cell_pdf`, whose arrays may be symbolic.
+Code generation traces `draw_cell` and `cell_pdf` (`TexturedRectangle`), so their arrays may be symbolic.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ def mean_pyramid(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
 
 
 def flatten_pyramid(tree: tuple[Floats, ...]) -> Floats:
-    """Return the means (n,) of a tree from level 1 on, in the order in which `draw_cell` reads them."""
+    """Return the means (n,) of a `mean_pyramid` from level 1 on, in the order in which `draw_cell` reads them."""
     return np.concatenate([level.ravel() for level in tree[1:]])
 
 
 def _coverage(texels: int, cells: int) -> Floats:
-    """Return the matrix (cells, texels) from a row of texels to the means of its linear interpolation over cells."""
+    """Return the matrix (cells, texels) that maps a row of texels, interpolated linearly, to its means over cells."""
     edges = np.linspace(0.0, texels, cells + 1)
     # The integral of each texel's tent function from the left up to each cell's edge. Beyond the centres of the first
     # and the last texel, the interpolated value is constant.
@@ -124,8 +124,8 @@ def _weights(
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return the weights (...) of a cell's quadrants, as (lower left, lower right), (upper left, upper right).
 
-    `row` and `column` (...) are those of the cell in the level above, `level` is that of its quadrants. Left is at -x,
-    lower at -y.
+    `row` and `column` (...) are the cell's numbers in its level, and `level` is the level of the quadrants, one more.
+    Left is at -x, lower at -y.
     """
     side = 2**level
     before = (side * side - 4) // 3  # the number of cells of levels 1 to level - 1: 4 + 16 + ...

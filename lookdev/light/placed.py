@@ -1,4 +1,4 @@
-"""Base classes of lights with a shape: `Lamp`, and `PlacedLight` for those with a position and a finite size.
+"""Base classes of lights with a shape: `Lamp`, and `PlacedLight` for lamps with a position and a finite size.
 
 A light's own space is that of UsdLux: the shape is centred at the origin. A one-sided light emits along -z, which is
 also the axis of its `Shaping`. Lengths in this space are metres of the world, without a further scale.
@@ -21,12 +21,12 @@ from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placement import WORLD_AXES, Axes, Vector, checked_axes, to_local, to_world, vector
 from lookdev.light.shape import FAR, LampShape
 
-EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))  # of example lights: down, and towards +y
+EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))  # example lights point down and to +y
 EXAMPLE_EMISSION = Emission((3.0, 2.0, 1.0))
 
 
 class Lamp(Light):
-    """A light with a shape; its methods transform to its own space and call those of the shape."""
+    """A light with a shape; its methods transform to the light's own space and call the methods of the shape."""
 
     @property
     def shape(self) -> LampShape:
@@ -109,7 +109,7 @@ class PlacedLight(Lamp):
         """Return whether the light may reach a sphere, if nothing occludes it; False is certain, True is not.
 
         A black light does not reach it, nor does a one-sided light that faces away, a light whose cone misses the
-        sphere, or one whose falloff ends before it.
+        sphere, or a light whose falloff ends before the sphere.
         """
         if not super().may_reach(center, radius):
             return False

@@ -1,18 +1,19 @@
 """Sampling of directions to a rectangle, nearly uniform over its solid angle, with an exact pdf.
 
-Rectangle, disk and cylinder lights draw their directions with it. As in Ureña, Fajardo, King, "An Area-Preserving
+Rectangle, disk and cylinder lights draw their directions in this way. As in Ureña, Fajardo, King, "An Area-Preserving
 Parametrization for Spherical Rectangles", 2013, a direction has two coordinates. One is the azimuth about an axis
 parallel to two of the sides. The other is the sine of the elevation, which is drawn uniformly between its values at the
 other two sides.
 
-The azimuth of that publication is exactly uniform over the solid angle, but inverts a sum of four angles. In float32,
-that sum has no correct digit at solid angles below about 1e-3 sr. Here the azimuth has a piecewise linear density: its
-range is divided into `SEGMENTS` equal segments, and in the middle of each the density is proportional to the range of
-the sine. The pdf of the result is exact; docs/notebook/spherical-rectangle.md has the variance of its weights.
+In that publication, the azimuth is exactly uniform over the solid angle, and is computed from a sum of four angles. In
+float32, the sum has no correct digit at solid angles below about 1e-3 sr. Here the azimuth has a piecewise linear
+density: its range is divided into `SEGMENTS` equal segments, and in the middle of each the density is proportional to
+the range of the sine. The pdf of the result is exact; docs/notebook/spherical-rectangle.md has the variance of its
+weights.
 
 No formula subtracts nearly equal numbers. The formulas therefore hold in float32 at distances from 1e-6 to 1e6 times
-the rectangle's size. Of the two possible axes, the azimuth is about the one for which its range is smaller. Its density
-is then smooth even near an edge and in the plane of the rectangle.
+the rectangle's size. Of the two possible axes, the azimuth is about the one for which its range is smaller. The
+density of the azimuth is then smooth even near an edge and in the plane of the rectangle.
 
 All functions keep the type of their arguments, so that tests can run them in float32.
 """
@@ -99,7 +100,7 @@ def draw(rectangle: SphericalRectangle, u: Array) -> RectanglePoint:
         left, right = rectangle.sine_ranges[max(step - 1, 0)], rectangle.sine_ranges[min(step, segments - 1)]
         segment_width = 0.5 if step in (0, segments) else 1.0
         covered = np.clip(remaining, 0, (left + right) / 2 * segment_width)
-        # The root of left t + (right - left) t^2 / 2 = covered, without cancellation.
+        # Solves left t + (right - left) t^2 / 2 = covered for t, without cancellation.
         root = np.sqrt(np.maximum(left * left + 2 * (right - left) * covered, 0))
         fraction = fraction + np.clip(2 * covered / np.maximum(left + root, _TINY), 0, segment_width) / segments
         remaining = remaining - covered
@@ -135,7 +136,7 @@ def _angle_between(x0: Floats, width: Floats, z: Floats) -> Floats:
 
 
 def _point_at_angle(x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Real) -> tuple[Floats, Floats]:
-    """Return the fraction of the width, and x, of the point at a fraction of the `angle` from x0 to x0 + width.
+    """Return s and x of the point at a `fraction` of the `angle` from x0 to x0 + width; s is its fraction of the width.
 
     The formula is the law of sines in the two triangles between the origin, the point and one end.
     """
@@ -150,7 +151,7 @@ def _point_at_angle(x0: Floats, width: Floats, z: Floats, angle: Floats, fractio
 def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
     """Return the range of the sine of the elevation, y1 / r1 - y0 / r0, with y1 = y0 + height.
 
-    The distances r0 and r1 from the origin are r^2 = squared + y^2, where `squared` is x^2 + z^2.
+    r0 and r1 are the distances of the two ends from the origin: r^2 = squared + y^2, where `squared` is x^2 + z^2.
     """
     y1 = y0 + height
     r0, r1 = np.sqrt(squared + y0 * y0), np.sqrt(squared + y1 * y1)
@@ -161,7 +162,7 @@ def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
 
 
 def _point_at_sine(squared: Floats, y0: Floats, height: Floats, v: Array) -> tuple[Floats, Floats]:
-    """Return the fraction of the height, and y, of the point at a fraction `v` of the range of the sine y / r.
+    """Return t and y of the point at a fraction `v` of the range of the sine y / r; t is its fraction of the height.
 
     As in `_sine_range`, r^2 = squared + y^2, and y is from `y0` to `y0 + height`.
     """
@@ -226,7 +227,7 @@ def approximate_solid_angle(point: Floats, width: Real, height: Real, area: Real
     """Return an estimate (...) of the solid angle, at points (..., 3), of a light within the rectangle; 0 from behind.
 
     `area` is the area of the light. The formula uses the distance and the cosine at the rectangle's nearest point. It
-    tends to 2 pi on the light, and to area cosine / distance^2 far from it.
+    tends to 2 pi on the light, and to area cosine / distance^2 far from the light.
     """
     x, y, z = np.moveaxis(point, -1, 0)
     dx, dy = np.maximum(np.absolute(x) - width / 2, 0), np.maximum(np.absolute(y) - height / 2, 0)

@@ -68,7 +68,7 @@ class UsdLightShape:
 
 @dataclass(frozen=True)
 class UsdLight:
-    """The reader of prims of a type, and their attributes in the namespace ``lookdev:``.
+    """The reader of prims of one type, and the names of these prims' attributes in the namespace ``lookdev:``.
 
     `read` reports a wrong value as a fault, and continues with the default of that value.
     """
@@ -105,9 +105,9 @@ class PlacedPrim:
         """Return the radius in metres of a sphere or cylinder light, which scales with the y axis.
 
         `hint` is the attribute ``treatAsPoint`` or ``treatAsLine``, of which UsdLux states: "Renderers that only
-        support area lights can disregard this". It is disregarded with a note that calls the light a `shape`, because
-        mirrors reflect the surface of a lamp. Raises EnvironmentMapError unless the axes `others` (0 for x, 2 for z)
-        have the same scale as y.
+        support area lights can disregard this". The attribute is disregarded, because mirrors reflect the surface of a
+        lamp. A note says so, and calls the light a `shape`. Raises EnvironmentMapError unless the axes `others` (0 for
+        x, 2 for z) have the same scale as y.
         """
         if self.light.flag(hint):
             right = "a small radius would be right"

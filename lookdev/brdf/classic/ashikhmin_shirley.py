@@ -64,7 +64,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         # Eq. 9 in all quadrants: tan phi = sqrt((nu + 1) / (nv + 1)) tan(2 pi u1).
         x, y = np.sqrt(v_plus_1) * np.cos(2.0 * np.pi * u1), np.sqrt(u_plus_1) * np.sin(2.0 * np.pi * u1)
         square = x * x + y * y
-        # Eq. 10, whose denominator is the exponent plus 1.
+        # The denominator in eq. 10 is the exponent at this azimuth, plus 1.
         denominator = (u_plus_1 * x * x + v_plus_1 * y * y) / square
         sin2 = parts.sin2_of_power(2.0 / denominator, u2)
         radius = np.sqrt(sin2 / square)

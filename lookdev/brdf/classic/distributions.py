@@ -1,4 +1,4 @@
-"""Isotropic microfacet distributions of the Torrance-Sparrow model, their sampling, and Smith's G1 of Beckmann's.
+"""Isotropic microfacet distributions of the Torrance-Sparrow model and their sampling; Smith's G1 for Beckmann's D.
 
 - Beckmann, P. and Spizzichino, A. 1963. The Scattering of Electromagnetic Waves from Rough Surfaces.
 - Blinn, J. F. 1977. Models of Light Reflection for Computer Synthesized Pictures. SIGGRAPH.
@@ -111,7 +111,7 @@ DISTRIBUTIONS: dict[str, Distribution] = {
     "ggx": Distribution(_ggx, _sample_ggx, _ggx),
     "gtr": Distribution(_gtr, _sample_gtr, _gtr),
     "blinn": Distribution(_blinn, _sample_blinn, _blinn),
-    # Half vectors are drawn from GGX of the same m, as this D is at most 1.5 times that of GGX.
+    # Half vectors are drawn from GGX of the same m, as this D is at most 1.5 times the D of GGX.
     "gaussian": Distribution(_gaussian, _sample_ggx, _ggx),
 }
 """The distributions, by the token of the parameter ``"distribution"``. The first one is the default."""

@@ -39,16 +39,16 @@ def _lobe(number: int) -> parts.LobeBuilder:
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         weight, c, e = (p[f"{name}{number}"] for name in ("weight", "coefficients", "exponent"))
         direction = c * wo
-        # The squared length of the direction, minus 1, which is precise if C is near (-1, -1, 1). It assumes that the
-        # view has exactly unit length.
+        # The squared length of the direction, minus 1. This form is precise if C is near (-1, -1, 1). It assumes that
+        # the view has exactly unit length.
         length2_minus_one = dot((c - 1.0) * (c + 1.0), wo * wo)
         length2 = dot(direction, direction)
         log_length = 0.5 * length2_minus_one * log1p_ratio(length2_minus_one, length2)
         is_zero = length2 < TINY * TINY
         axis = scale(direction, 1.0 / np.sqrt(np.where(is_zero, 1.0, length2)))
         axis = np.where(np.expand_dims(is_zero, -1), np.array([0.0, 0.0, 1.0]), axis)
-        # If the peak exceeds the limit by a factor exp(m), the plateau ends where cos^e is exp(-m), with the cosine to
-        # the lobe's direction. With the exponent e ln(2) / m, the pdf there is half of that at the peak.
+        # If the peak exceeds the limit by a factor exp(m), the plateau ends where cos^e is exp(-m). Here, cos is the
+        # cosine to the lobe's direction. With the exponent e ln(2) / m, the pdf there is half of the pdf at the peak.
         sampled_exponent = e / np.maximum((e * log_length - np.log(MAX_POWER)) * (1.0 / np.log(2.0)), 1.0)
 
         def evaluate(d: DirectionPair) -> Array:

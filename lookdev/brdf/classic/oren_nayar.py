@@ -5,8 +5,8 @@ f = reflectance / pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min th
 - Oren, M. and Nayar, S. K. 1994. Generalization of Lambert's Reflectance Model. SIGGRAPH, eq. 30.
 
 The model has two lobes: `diffuse` is the term with A, `retroreflection` the term with B. Directions of the second lobe
-are drawn in proportion to ``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``. Of f times the
-cosine over the pdf, only the sines then vary.
+are drawn in proportion to ``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``. In the weight
+of a sample, f times the cosine over the pdf, only the sines then vary.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, scale, vec
 
 
 def _factors(p: Parameters) -> tuple[Real, Real]:
-    """Return A and B of the formula above."""
+    """Return A and B of the formula in the module's docstring."""
     variance = p["sigma"] * p["sigma"]
     variance_offset = 0.57 if p["interreflection"] == "included" else 0.33
     return 1.0 - 0.5 * variance / (variance + variance_offset), 0.45 * variance / (variance + 0.09)

@@ -24,7 +24,7 @@ Its arguments are all parameters of the model, the direction to the viewer (...,
 
 
 def bsdf_of_lobes(*builds: LobeBuilder) -> Callable[[Parameters], Bsdf]:
-    """Return `Model.bsdf` of a model whose lobes, built by `builds`, all have the normal in parameter ``"normal"``."""
+    """Return `Model.bsdf` for a model whose lobes, built by `builds`, all have the normal of parameter ``"normal"``."""
 
     def bsdf(parameters: Parameters) -> Bsdf:
         def lobes(wo: Array) -> tuple[Lobe, ...]:
@@ -40,7 +40,7 @@ def bsdf_of_lobes(*builds: LobeBuilder) -> Callable[[Parameters], Bsdf]:
 def lambert_builder(model: str, color: str, albedo: float = 1.0) -> LobeBuilder:
     """Return the builder of a lobe with the constant f = colour * `albedo` / pi.
 
-    The colour is the parameter named `color`. For white, `albedo` is the directional albedo of the lobe.
+    The colour is the parameter named `color`. If it is white, the directional albedo of the lobe is `albedo`.
     """
 
     def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
@@ -55,7 +55,7 @@ def diffuse_lobe(
 ) -> Lobe:
     """Return a diffuse lobe, which is sampled in proportion to the cosine.
 
-    `share` (...) and `evaluate`, which returns f, are those of `Lobe`. `color` (..., 3) is the lobe's directional
+    `share` (...) and `evaluate`, which returns f, are as in `Lobe`. `color` (..., 3) is the lobe's directional
     albedo.
     """
     return Lobe(
@@ -94,7 +94,7 @@ def exponent_parameter(name: str, default: float, help: str) -> Parameter:
 
 
 def versine(wm: Array) -> Array:
-    """Return 1 - cos theta, (...), for the angles theta of unit vectors (..., 3), z at least 0, to the normal."""
+    """Return 1 - cos theta (...) of unit vectors (..., 3) with z at least 0; theta is their angle to the normal."""
     return (wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]) / (1.0 + wm[..., 2])
 
 

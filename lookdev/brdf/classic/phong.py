@@ -5,14 +5,14 @@
 - modified-phong: ``f = kd / pi + ks (e + 2) / (2 pi) (r . wi)^e``, which is reciprocal and conserves energy
 
 kd and ks are the colours `diffuse` and `specular`, e is `exponent`, r is the mirrored view, n the normal and h the half
-vector. The first two have no 1 / pi, as published.
+vector. As published, the first two have no 1 / pi.
 
 - Phong, B. T. 1975. Illumination for Computer Generated Pictures. CACM 18(6).
 - Blinn, J. F. 1977. Models of Light Reflection for Computer Synthesized Pictures. SIGGRAPH.
 - Lafortune, E. P. and Willems, Y. D. 1994. Using the Modified Phong Reflectance Model for Physically Based Rendering.
   Report CW 197, KU Leuven.
 
-Directions of the highlight, or its half vectors, are drawn in proportion to the power of the cosine.
+Directions of the highlight, or for blinn-phong half vectors, are drawn in proportion to the power of the cosine.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def _modified_phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
 def _mirror_lobe(
     model: str, p: Parameters, r: Array, frame: Frame, share: Real, evaluate: Callable[[DirectionPair], Array]
 ) -> Lobe:
-    """Return a highlight about the mirrored view `r`; `share` and `evaluate` are those of `Lobe`."""
+    """Return a highlight about the mirrored view `r`; `share` and `evaluate` are as in `Lobe`."""
     e = p["exponent"]
     return Lobe(
         model,
@@ -103,7 +103,7 @@ def _preview(diffuse: float) -> Preview:
     def derived(p: Parameters) -> dict[str, Real]:
         return {
             "diffuseColor": np.minimum(diffuse * p["diffuse"], 1.0),
-            # Beckmann's alpha^2 of a power e of the cosine to the half vector is about 2 / (e + 2).
+            # A power e of the cosine to the half vector is about Beckmann's D with alpha^2 = 2 / (e + 2).
             "roughness": np.sqrt(np.sqrt(2.0 / (p["exponent"] + 2.0))),
         }
 
@@ -123,7 +123,7 @@ PHONG = Model(
     parameters=_PARAMETERS,
     bsdf=parts.bsdf_of_lobes(parts.lambert_builder("phong", "diffuse", np.pi), _phong),
     identifier="LookdevPhong",
-    # The albedo of the diffuse lobe is at most pi, and that of the highlight at most 2 pi, at exponent 0.
+    # The albedo of the diffuse lobe is at most pi. The albedo of the highlight is at most 2 pi, at exponent 0.
     energy=lambda tokens: 3.0 * np.pi,
     reciprocal=lambda tokens: ("diffuse",),
     preview=_preview(np.pi),

@@ -9,9 +9,9 @@ f = kd / pi + ks F D G / (q cos_theta_i cos_theta_o). The divisor q is 4 or pi, 
 
 Roughness at two scales is modelled by two lobes, `specular` and `specular2`. Both have the G of the first roughness.
 
-If G is that of V-grooves, half vectors are drawn from D, and the sample's weight is at most 8 F / q. If G is Smith's,
+If G is for V-grooves, half vectors are drawn from D, and the sample's weight is at most 8 F / q. If G is Smith's,
 half vectors are drawn from the visible normals of GGX of the same roughness, because every D except ``"gtr"`` is at
-most 1.5 times that of GGX. ``"gtr"`` may have a heavier tail, so half vectors are drawn from D itself.
+most 1.5 times the D of GGX. ``"gtr"`` may have a heavier tail, so half vectors are drawn from D itself.
 """
 
 from __future__ import annotations

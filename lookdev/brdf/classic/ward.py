@@ -28,7 +28,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     alpha_x, alpha_y = p["alphaX"], p["alphaY"]
 
     def gaussian(d: DirectionPair) -> Array:
-        """Return the exponential over ``4 pi ax ay``."""
+        """Return the exponential of f, divided by ``4 pi ax ay``."""
         x, y, z = d.wm[..., 0] / alpha_x, d.wm[..., 1] / alpha_y, _cosine(d)
         value: Array = np.exp(-(x * x + y * y) / (z * z)) / (4.0 * np.pi * alpha_x * alpha_y)
         return value

@@ -24,7 +24,7 @@ from lookdev.brdf.parameters import Parameter, normal_parameter, parameters_by_n
 from lookdev.brdf.vectors import Array, Parameters, Real, scale
 
 BUILT_IN = "builtin:plastic"
-"""The name that stands, in place of a file's path, for the measurement `synthetic.plastic_grid`."""
+"""The name that, in place of a file's path, selects the measurement `synthetic.plastic_grid`."""
 
 
 def load_grid(file: str) -> MeasurementGrid:
@@ -37,7 +37,7 @@ _proposal_lock = Lock()
 
 def _load_proposal(grid: MeasurementGrid) -> Proposal:
     """Return the sampling tables of a grid, from a cache."""
-    with _proposal_lock:  # tables take seconds to make: a thread waits for another one that makes the same
+    with _proposal_lock:  # tables take seconds to make: a second thread waits for them
         return _make_cached_proposal(grid)
 
 
@@ -73,14 +73,14 @@ def _bsdf(p: Parameters) -> Bsdf:
 
 
 def _combine(layers: Sequence[StackLayer]) -> Bsdf:
-    """Return the BSDF of layers, base first, whose f are blended by the layers' masks.
+    """Return the BSDF of layers, base first; masks blend the f of the layers.
 
     The layers cannot be blended by their parameters, as a file is not a number.
     """
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
         lobes_above: tuple[Lobe, ...] = ()
-        visible: Real = 1.0  # the share that the layers above, which come first, leave visible
+        visible: Real = 1.0  # the share that the layers above leave visible; the loop begins at the top
         for layer in layers[:0:-1]:
             lobes_above = (
                 *(lobe.blend(visible * layer.mask) for lobe in _bsdf(layer.parameters).lobes(wo)),
@@ -98,7 +98,8 @@ def _reciprocal(tokens: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _energy(tokens: Mapping[str, str]) -> float:
-    # The tables have the albedo for some views. Between these, it differs by less than a tenth from their values.
+    # The tables have the albedo for some views. Between these views, the albedo differs by less than a tenth from the
+    # values of the tables.
     return 1.1 * float(_load_proposal(load_grid(tokens["file"])).albedo.max())
 
 

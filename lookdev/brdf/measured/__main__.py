@@ -1,7 +1,7 @@
 """Write a synthetic measurement of a model: ``python -m lookdev.brdf.measured FILE MODEL [PARAMETERS]``.
 
-For instance ``plastic.binary disney '{"roughness": 0.3}'``. The file is a MERL binary, or the anisotropic data of
-Ngan et al. if its name ends in ``.dat``.
+An example of the arguments is ``plastic.binary disney '{"roughness": 0.3}'``. The file is a MERL binary, or the
+anisotropic data of Ngan et al. if its name ends in ``.dat``.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
 """Read and write files of measured reflectance: MERL's binaries, and the anisotropic data of Ngan et al.
 
-All numbers of both formats are little-endian. A negative sample is missing, and counts as 0. `grids` explains the
-angles.
+All numbers of both formats are little-endian. A negative number marks a missing sample, which counts as 0. `grids`
+explains the angles.
 
-A MERL binary has three int32, 90, 90 and 180, then float64 samples: a block for each of red, green and blue, in the
-order theta_h, theta_d, phi_d. The units of the blocks are 1/1500, 1.15/1500 and 1.66/1500 per sr.
+A MERL binary has three int32, 90, 90 and 180, then float64 samples: a block for each of red, green and blue. In a
+block, theta_h varies slowest and phi_d fastest. The units of the blocks are 1/1500, 1.15/1500 and 1.66/1500 per sr.
 
 A file of Ngan et al. has 16 int32, then float32 samples in 1/sr, a block for each channel. By their indices, the 16
 int32 are:
 
 - 0 to 3: the numbers of theta_i, theta_o, phi_d and phi_i;
-- 6: 1 for this parametrisation;
+- 6: 1, the number of this parametrisation;
 - 7: 0 for cells of equal size;
 - 9: 1 if phi_d covers only [0, pi];
 - 10: the number of channels, 3;
@@ -79,7 +79,7 @@ def _read(file: Path, size: int, *state: int) -> MeasurementGrid:
 
 
 def _read_merl(file: Path, size: int, head: list[int]) -> IsotropicGrid:
-    """Read a MERL binary of `size` bytes; `head` has its first int32."""
+    """Read a MERL binary of `size` bytes; `head` has the first int32 of the file."""
     expected = (
         f"a MERL binary has {_dimensions(MERL_SIZE)} samples of three channels, {12 + 24 * prod(MERL_SIZE)} bytes"
     )
@@ -96,7 +96,7 @@ def _read_merl(file: Path, size: int, head: list[int]) -> IsotropicGrid:
 
 
 def _read_anisotropic(file: Path, size: int, head: list[int]) -> AnisotropicGrid:
-    """Read a file of Ngan et al. of `size` bytes; `head` has its first 16 int32."""
+    """Read a file of Ngan et al. of `size` bytes; `head` has the first 16 int32 of the file."""
     shape, subject = tuple(head[:4]), f"{file}: its header of anisotropic data gives"
     if min(shape) < 1 or prod(shape) > _MAX_SAMPLES:
         raise ModelError(
@@ -136,7 +136,7 @@ def write_merl(file: Path, f: Floats) -> None:
 def write_anisotropic(file: Path, f: Floats, *, half: bool = False) -> None:
     """Write samples (theta_i, theta_o, phi_d, phi_i, 3), in 1/sr, as a file of Ngan et al.
 
-    With `half`, their phi_d covers only [0, pi].
+    With `half`, the phi_d of the samples covers only [0, pi].
     """
     head = np.array([*f.shape[:4], 0, 0, 1, 0, 0, int(half), 3, 0, 0, 0, 0, 0], "<i4")
     file.write_bytes(head.tobytes() + np.moveaxis(f, -1, 0).astype("<f4").tobytes())

@@ -79,8 +79,8 @@ class AnisotropicGrid:
     """Samples (theta_i, theta_o, phi_d, phi_i, 3) of an anisotropic surface, in 1/sr.
 
     theta_i and theta_o are the angles of light and view to the normal. phi_i is the azimuth of the light from the
-    tangent, phi_d that of the view from the light. With `half`, phi_d covers only [0, pi], and the rest follows by
-    reciprocity. A negative sample counts as 0.
+    tangent, phi_d the azimuth of the view from the light. With `half`, phi_d covers only [0, pi], and the rest follows
+    by reciprocity. A negative sample counts as 0.
     """
 
     samples: Floats

@@ -1,17 +1,18 @@
 """Importance sampling of measured data: half vectors are drawn from tables, and some directions from a cosine lobe.
 
-The hemisphere of views is divided into cells, and so is that of half vectors. A view uses the table of its cell, which
-is the mean over some views in the cell. A highlight has nearly the same half vectors for all views, so few cells of
-views suffice.
+The hemisphere of views is divided into cells, and so is the hemisphere of half vectors. A view uses the table of its
+cell. This table is the mean over some views in the cell. A highlight has nearly the same half vectors for all views, so
+few cells of views suffice.
 
 The floor of f is a small quantile of its values over the projected hemisphere. The table has a number for each cell of
 half vectors: the mean, over some points of the cell, of ``(f - floor) cos`` times the Jacobian ``4 wi . wm`` from
 directions of the light to half vectors (Walter et al. 2007, eq. 14). Where f is below the floor, 0 is taken. The cosine
 lobe samples the floor exactly. It also bounds the weights ``f cos / pdf`` where a table misses a highlight.
 
-Cells of half vectors have equal steps of azimuth, and of the square root of theta_h, as MERL's have. The density over
-solid angle is constant over the azimuths of a cell. Between the cell's edges in theta_h, it is linear in
-``sin^2(theta_h / 2)``, equal steps of which are equal solid angles. The cosine also has this property, but cancels.
+Cells of half vectors have equal steps of azimuth, and of the square root of theta_h, as in MERL's files. The density
+over solid angle is constant over the azimuths of a cell. Between the cell's edges in theta_h, it is linear in
+``sin^2(theta_h / 2)``. Equal steps of this number are equal solid angles. The cosine also has this property, but
+cancels.
 
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
 - Lawrence, J. et al. 2004. Efficient BRDF Importance Sampling Using a Factored Representation. SIGGRAPH.
@@ -60,7 +61,7 @@ class Proposal:
     density : (views, thetas + 1)
         The density of half vectors over solid angle, as a mean over the azimuth, at the edges of cells in theta_h.
     azimuth_factor : (views * thetas, phis)
-        The factor of this density in each cell of azimuth.
+        The factor of `density` in each cell of azimuth.
     marginal : (views, thetas + 1)
         The cumulative distribution of the cells in theta_h, from 0 to 1.
     conditional : (views * thetas, phis + 1)
@@ -218,8 +219,8 @@ def make_proposal(grid: MeasurementGrid) -> Proposal:
 def _edge_density(at_edges: Floats, mean: Floats, solid: Floats) -> Floats:
     """Return the density (thetas + 1,) at the edges of cells in theta_h, normalised to the integral 1.
 
-    `at_edges` (thetas + 1,) are its values before, `mean` (thetas,) the mean values in the cells, and `solid` (thetas,)
-    the solid angles of the cells. A value is raised where the mean of a neighbouring cell is much higher.
+    `at_edges` (thetas + 1,) is the density before it is normalised, `mean` (thetas,) its mean in each cell, and `solid`
+    (thetas,) the solid angle of each cell. A value is raised where the mean of a neighbouring cell is much higher.
     """
     neighbours = 0.25 * (np.append(mean, mean[-1]) + np.append(mean[0], mean))
     density = np.maximum(at_edges, neighbours)
@@ -277,7 +278,7 @@ def _evaluate_views(grid: MeasurementGrid, views: Sequence[Floats], wm: Floats) 
 
 
 def _cumulative(shares: Floats) -> Floats:
-    """Return the cumulative distribution (n, cells + 1) of rows of shares; uniform for a row of zeros."""
+    """Return the cumulative distribution (n, cells + 1) of rows of shares; a row of zeros gives a uniform one."""
     total = shares.sum(axis=-1, keepdims=True)
     normalised = np.where(total > 0.0, shares / np.where(total > 0.0, total, 1.0), 1.0 / shares.shape[-1])
     sums: Floats = np.concatenate([np.zeros((len(shares), 1)), np.cumsum(normalised, axis=-1)], axis=-1)

@@ -3,8 +3,8 @@
 "Layering is simply a matter of taking two (or more) sets of lobe weights and cone angles and normals along with a layer
 weight for each layer and producing a single set." A `Partition` is such a set, the division of light among six lobes.
 
-Light meets the layers from the top down. Each lobe of a layer that it meets contributes some energy to one of the six
-lobes of the stack. The cone angle, the normal and the index of refraction of a lobe of the stack are means over its
+Light meets the layers from the top down. Each lobe of such a layer contributes some energy to one of the six lobes of
+the stack. The cone angle, the normal and the index of refraction of a lobe of the stack are means over its
 contributions, weighted by energy.
 """
 
@@ -36,8 +36,8 @@ _LOBES = (*REFLECTED_LOBES, *TRANSMITTED_LOBES)
 class _Contribution:
     """A contribution to the lobe `name` of the stack.
 
-    `term` has its weights, cone and index of refraction, `frame` its normal. `energy` (...) is its weight in means over
-    contributions.
+    `term` has the weights, the cone and the index of refraction, `frame` has the normal. `energy` (...) is the weight
+    of the contribution in means over contributions.
     """
 
     name: str
@@ -63,12 +63,12 @@ def resulting_lobe(incoming: str, lobe: str) -> str:
 def combine_partitions(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
     """Return the combined partition of layers, which are given, base first, by their partitions, masks and modes.
 
-    All partitions are for the same views. Masks (...) are in [0, 1], and that of the base has no effect. Mode
+    All partitions are for the same views. Masks (...) are in [0, 1]. The mask of the base has no effect. Mode
     ``"over"`` is simple layering, A over B. In mode ``"transmit"``, the light that a layer transmits meets all six
     lobes of the layers beneath instead of leaving on the other side.
     """
-    leaving: list[_Contribution] = []  # of light that leaves the stack
-    incoming: list[_Contribution] = []  # of light that the layers above transmit to this layer
+    leaving: list[_Contribution] = []  # contributions of light that leaves the stack
+    incoming: list[_Contribution] = []  # contributions of light that the layers above transmit to this one
     remaining: Real = 1.0  # the weight of the light that no layer above has met
     for number, (partition, mask, mode) in reversed([*enumerate(layers)]):
         mask = mask if number else 1.0
@@ -107,9 +107,10 @@ def _contributions(partition: Partition) -> Iterator[_Contribution]:
 
 
 def _interactions(incoming: Mapping[str, PartitionLobe], partition: Partition) -> Iterator[_Contribution]:
-    """Yield the contributions of a layer's six lobes for light of the three lobes `incoming` of the layers above.
+    """Yield the contributions of a layer's six lobes for light from the three lobes `incoming` of the layers above.
 
-    There are 18. On each side, 1 belongs to the least blurred lobe, 3 to the next one, and 5 to the diffuse lobe.
+    There are 18 contributions. On each side, 1 belongs to the least blurred lobe, 3 to the next one, and 5 to the
+    diffuse lobe.
     """
     for above, entering in incoming.items():
         for name, term in partition.terms.items():
@@ -119,7 +120,7 @@ def _interactions(incoming: Mapping[str, PartitionLobe], partition: Partition) -
             cone = entering.cone if blur_above > blur_beneath else term.cone
             if blur_above == blur_beneath:
                 cone = np.maximum(entering.cone, term.cone)
-            # The lobe beneath "replaces the direction": index of refraction and normal are those of that lobe.
+            # The lobe beneath "replaces the direction": index of refraction and normal are from the layer beneath.
             normal, grazing = partial(operator.mul, entering.normal), partial(operator.mul, entering.grazing)
             product = replace(term.with_weights(normal, grazing), cone=cone)
             yield _Contribution(

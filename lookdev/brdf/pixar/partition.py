@@ -3,12 +3,12 @@
 - Smits, B. Reflection Model Design for Wall-E and Up. Pixar Animation Studios.
 
 "Pick a fixed set of reflection lobes ... and then determine how to partition the incoming energy between those lobes
-in such a way that energy is conserved." Each of the six lobes has a weight at normal and one at grazing incidence,
-which are blended by Schlick's term. Two lobes are diffuse, and share a normal. The other four are highlights. They have
-a cone angle each, and share another normal.
+in such a way that energy is conserved." Each of the six lobes has two weights, at normal and at grazing incidence,
+which Schlick's term blends. Two lobes are diffuse, and share a normal. The other four are highlights. They have a cone
+angle each, and share another normal.
 
-A `Partition` has all of these for given views. `layer_partition` computes that of one layer,
-`lookdev.brdf.pixar.layering` combines those of several layers, and `partition_lobes` builds the lobes.
+A `Partition` has all of these for given views. `layer_partition` computes the partition of one layer,
+`lookdev.brdf.pixar.layering` combines the partitions of several layers, and `partition_lobes` builds the lobes.
 """
 
 from __future__ import annotations
@@ -84,14 +84,14 @@ class PartitionLobe:
         return functools.reduce(operator.add, (metal.weight(cos_theta) for metal in self.metals), blend)
 
     def end_weights(self) -> tuple[Array, Array]:
-        """Return the weights (..., 3) at normal and at grazing incidence, with those of `metals` added."""
+        """Return the weights (..., 3) at normal and at grazing incidence, including `metals`."""
         normal, grazing = self.normal, self.grazing
         for metal in self.metals:
             normal, grazing = normal + metal.weight(np.ones(())), grazing + metal.grazing
         return normal, grazing
 
     def with_weights(self, normal: Callable[[Array], Array], grazing: Callable[[Array], Array]) -> PartitionLobe:
-        """Return the lobe with its weights at normal and at grazing incidence replaced by functions of them."""
+        """Return the lobe with functions applied to its weights at normal and grazing incidence, also in `metals`."""
         metals = tuple(
             replace(metal, normal=normal(metal.normal), grazing=grazing(metal.grazing)) for metal in self.metals
         )
@@ -100,7 +100,7 @@ class PartitionLobe:
     def energy(self, cos_theta: Array) -> Array:
         """Return the mean over RGB of the weight at a cosine (...).
 
-        In means of cone angles and normals over several lobes, it is the weight of this lobe.
+        In means of cone angles and normals over several lobes, this energy is the lobe's weight.
         """
         return mean(self.weight(cos_theta))
 
@@ -145,7 +145,7 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     smooth, color = 1.0 - rough, layer_color(p)
 
     # Smits, "Diffuse" and "Transmission". `n_diffuse` is the reflectance at normal incidence for the diffuse lobes, and
-    # `g_refl` that at grazing incidence. A scaled reflectance is at most 1.
+    # `g_refl` the reflectance at grazing incidence. A scaled reflectance is at most 1.
     n_diffuse = np.minimum(p["normalScale"] * mix(0.05, 1.0, p["metallic"]), 1.0)
     g_refl = p["grazingScale"]
     # With the token "conserving", the Fresnel term at the highlights' normal also decides how much light reaches the
@@ -231,9 +231,9 @@ def _reflected_term(p: Parameters) -> PartitionLobe:
 
 
 def _scaled_reflectances(p: Parameters) -> tuple[Real, Real]:
-    """Return the scaled reflectance (...) at normal incidence of the dielectric, and the factor (...) of the metal's.
+    """Return the dielectric's scaled reflectance (...) at normal incidence, and a factor (...) for the metal.
 
-    The metal has the exact Fresnel term.
+    The factor multiplies the metal's exact reflectance.
     """
     return np.minimum(0.05 * p["normalScale"], 1.0), np.minimum(p["normalScale"], 1.0)
 
@@ -271,7 +271,7 @@ def _diffuse(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmits:
         # Smits, "Diffuse", divided by pi: in the paper, f of a perfect diffuser is 1.
         return term.weight(d.cos_theta_i) * (1.0 / np.pi)
 
-    # The directional albedo. In it, the cosine-weighted mean of Schlick's weight (1 - cos)^5 is 1/21.
+    # The share is the directional albedo. The cosine-weighted mean of Schlick's weight (1 - cos)^5 is 1/21.
     at_normal, at_grazing = term.end_weights()
     share = mean(at_normal) * (20.0 / 21.0) + mean(at_grazing) * (1.0 / 21.0)
     return Lobe(
@@ -296,7 +296,7 @@ def _highlight(name: str, term: PartitionLobe, wo: Array, frame: Frame, transmit
 
     def reflected_pair(d: DirectionPair) -> DirectionPair:
         # The direction of the light in `d` is mirrored to the viewer's side (`Lobe.transmits`). There, the highlight is
-        # that of a reflection of the refracted view (Smits, "Transmission").
+        # a reflection of the refracted view (Smits, "Transmission").
         return DirectionPair.from_directions(_refract_view(d.wo, term.ior_minus_one), d.wi) if transmits else d
 
     def evaluate(d: DirectionPair) -> Array:

@@ -1,11 +1,12 @@
 """Dome light: an environment map at infinity, whose radiance is the same at every shading point.
 
-Radiance is looked up bilinearly (`warp.lookup`), and `Dome.sample`, in NumPy, draws directions in proportion to it. The
-shader draws directions nearly in proportion to radiance times the cosine to the shading normal, with three tables:
+The radiance is looked up bilinearly (`warp.lookup`). In NumPy, `Dome.sample` draws directions in proportion to the
+radiance. The shader draws directions nearly in proportion to radiance times the cosine to the shading normal, with
+three tables:
 
 - `points`: directions that are distributed in proportion to the radiance, along a curve over the sphere.
 - `bins`: groups of shading normals. The *widened cosine* of a bin replaces the cosine of its normals.
-- `slots`: for each bin, ranges of consecutive points of equal probability.
+- `slots`: for each bin, ranges of consecutive points; all ranges of a bin have the same probability.
 
 A sample draws a slot of the shading normal's bin, then a point of the slot. Slots and bins are array parameters of the
 shader, because a look-up in a texture costs ten times as much (CPU, Blender 4.5). The points and the radiance are
@@ -13,8 +14,8 @@ textures: the points are too many for an array, and the radiance needs interpola
 
 The shader reverses the bits of the sample number to get the slot's number. Any aligned block of 2^k sample numbers is
 therefore spread evenly along the curve of the points, and so over the light. A converged picture is a quadrature over
-all points. Its expectation over the random choice of the points is the integral; docs/accuracy.md states the error of
-one set of points.
+all points. The expectation of this quadrature over the random choice of the points is the integral; docs/accuracy.md
+states the error of one set of points.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ TABLE_VERSION = 4
 class Dome(CodedLight):
     """A dome light, with the files that the shader reads: its map of radiance, and tables if the shader samples it.
 
-    `width` and `height` are those of the map in texels. `map_digest` identifies the map and its tables in the cache,
+    `width` and `height` are the map's size in texels. `map_digest` identifies the map and its tables in the cache,
     and `constant` is whether all texels are equal. The map's directions are relative to `axes`. The emission's colour
     multiplies the map. `sample` draws directions in proportion to the mean of the map's channels, or uniformly if the
     map is black.
@@ -167,7 +168,7 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
     """Return the dome light of a map, and write its files to the cache unless the cache has them.
 
     Without `sampled`, the tables with which a shader draws directions are not made: NumPy and Cycles' world need none.
-    A constant map needs none either, unless the dome is that of a `LocalDome`, with `local`.
+    A constant map needs none either, unless the dome is part of a `LocalDome`, which `local` states.
 
     Raises
     ------
@@ -199,7 +200,7 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
 
 
 def load_cached_dome(digest: str, width: int, height: int, constant: bool, sampled: bool) -> Dome | None:
-    """Return the dome whose files `prepare_light` has written for a `map_digest`; None if one of them is missing."""
+    """Return the dome whose files `prepare_light` has written for a `map_digest`; None if a file is missing."""
     radiance = load_cached_files("ibl", f"{digest}.radiance")
     tables = () if constant or not sampled else load_cached_files("ibl", f"{digest}.tables")
     if radiance is None or tables is None:

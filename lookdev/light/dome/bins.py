@@ -1,8 +1,8 @@
 """Bins of shading normals: each bin has its own sampling distribution of a dome light's directions (`slots`).
 
-The sphere of normals is divided into rows of latitude of equal height, and each row into bins (cells) of equal width,
-which is nearly the same in all rows. `lookdev/shaders/dome.osl.h` finds the bin of a normal. The sampling weight of a
-direction is the bin's `widened_cosine`: the largest cosine between the direction and any normal of a cone about the
+The sphere of normals is divided into rows of latitude of equal height, and each row into bins (cells) of equal width.
+The width is nearly the same in all rows. `lookdev/shaders/dome.osl.h` finds the bin of a normal. The sampling weight of
+a direction is the bin's `widened_cosine`: the largest cosine between the direction and any normal of a cone about the
 bin's axis. The cone contains the bin, so that the weight is positive wherever a normal of the bin has a positive
 cosine.
 """
@@ -21,7 +21,7 @@ ROWS = 10
 """The number of rows, each of 18 degrees of latitude."""
 
 CELLS = tuple(round(19.6 * float(np.sin(np.pi * (row + 0.5) / ROWS))) for row in range(ROWS))
-"""The number of bins in each row, from the zenith down. At the equator they are as wide as high, about 18 degrees."""
+"""The number of bins in each row, from the zenith down. At the equator, bins are as wide as high, about 18 degrees."""
 
 FIRST = tuple(int(sum(CELLS[:row])) for row in range(ROWS))
 """The number of each row's first bin."""
@@ -39,7 +39,7 @@ def _direction(theta: float, phi: float) -> tuple[float, float, float]:
 
 
 def _cone_radius() -> float:
-    """Return the largest angle, over all bins, between a bin's axis and its corners, its farthest points."""
+    """Return the largest angle between a bin's axis and a point of the bin, over all bins: a corner is the farthest."""
     farthest = 0.0
     for row, cells in enumerate(CELLS):
         axis = np.array(_direction(np.pi * (row + 0.5) / ROWS, np.pi / cells))

@@ -93,9 +93,9 @@ def check_exposed(peak: float, exposure: float, where: str) -> None:
 
 
 def map_in_space(radiance: Floats, color: tuple[float, float, float], digest: str, space: Space) -> EnvironmentMap:
-    """Return a map (H, W, 3), of linear Rec.709, times a colour, converted to a colour space.
+    """Return a linear Rec.709 map (H, W, 3), multiplied by a colour and converted to a colour space.
 
-    `digest` is that of the given map; the digest of the result is computed from it, the colour and the space.
+    `digest` is the digest of the given map; the digest of the result is computed from it, the colour and the space.
     """
     name = hashlib.sha256(f"{digest} {color!r} {space}".encode()).hexdigest()
     pixels = to_space(radiance * np.array(color), space).astype(np.float32)
@@ -136,9 +136,9 @@ def builtin_file(name: str) -> Path:
 
 
 def read_pixels(file: Path) -> Floats32:
-    """Read R, G, B (H, W, 3), or Y in their place for a grey map, from the first part of a file that has them.
+    """Read the channels R, G, B (H, W, 3), or Y as all three for a grey map, from the first part that has them.
 
-    A *part* is one of the images in a multi-part EXR. Raises EnvironmentMapError if no part has them.
+    A *part* is one of the images in a multi-part EXR. Raises EnvironmentMapError if no part has these channels.
     """
     if file.suffix.lower() not in (".exr", ".hdr"):
         raise EnvironmentMapError(f"{file}: an environment map is a lat-long .exr or .hdr file")
@@ -186,7 +186,7 @@ def _orient(pixels: Floats32, orientation: int) -> Floats32:
 
 
 def make_environment(name: str, pixels: ArrayLike, where: str = "") -> EnvironmentMap:
-    """Make a map of radiance (H, W, 3), row 0 at the zenith, repaired.
+    """Repair radiance (H, W, 3), row 0 at the zenith, and return it as a map.
 
     Negative values become 0, infinite ones the largest finite value of the map, and NaN the mean of the neighbours that
     are not NaN, or 0.
@@ -236,7 +236,7 @@ def _neighbour_mean(radiance: Floats32, nan: Bools) -> Floats32:
 
 
 def write_exr(path: Path, channels: str, values: Floats32, *, compressed: bool = True) -> None:
-    """Write an image (H, W, C) as an EXR of a single tile.
+    """Write an image (H, W, C) as an EXR of a single tile; a side of more than 4096 texels is divided.
 
     Blender 4.5 evaluates OSL's texture() with OpenImageIO, which divides an image without tiles into tiles of 64 x 64.
     A thread caches only two tiles, and access to another tile costs more than the look-up itself.

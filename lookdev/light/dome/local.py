@@ -1,8 +1,8 @@
 """Local dome: a dome light whose image is on a sphere of finite size; neither physical nor part of UsdLux.
 
 It illuminates a part of a scene, as Burley, "Physically Based Shading at Disney", 2012, section 6.2, uses image-based
-lights as a local fill. The radiance that arrives at a point from a direction is that of the image where the ray leaves
-the sphere (Lagarde, Zanuttini, "Local Image-Based Lighting with Parallax-Corrected Cubemaps", 2012).
+lights as a local fill. The radiance that arrives at a point from a direction is the radiance of the image where the ray
+leaves the sphere (Lagarde, Zanuttini, "Local Image-Based Lighting with Parallax-Corrected Cubemaps", 2012).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class LocalDome(Light):
     """A dome light whose image is on a sphere of `radius` about `position`, in metres; it illuminates the inside.
 
     Parallax applies: a point sees the image from its own position. Objects outside the sphere do not occlude the light.
-    The light fades to 0 over the outer fraction `edge` of the radius (0 for no fading, 1 for the whole radius). It does
-    not reach points outside. The image, the axes and the emission are those of `dome`.
+    The light fades to 0 over the outer fraction `edge` of the radius (0 for no fading, 1 for the whole radius). The
+    light does not reach points outside. `dome` has the image, the axes and the emission.
     """
 
     kind = "local_dome"
@@ -142,14 +142,14 @@ def exit_ball(point: Floats, direction: Floats, radius: Real) -> tuple[Floats, F
     distance : (...)
         The distance along the ray to the ball's surface; 0 if the point is outside.
     ratio : (...)
-        The solid angle that a small piece of the surface, where the ray leaves the ball, subtends at the centre,
-        divided by the solid angle that it subtends at the point; 0 if the point is outside.
+        The solid angle of a small piece of the surface, where the ray leaves the ball, as seen from the centre, divided
+        by the solid angle of this piece as seen from the point; 0 if the point is outside.
     """
     projection = (point * direction).sum(axis=-1)
     margin = radius * radius - (point * point).sum(axis=-1)
     # The radius times the cosine between the direction and the surface normal at the exit.
     exit_cosine = np.sqrt(np.maximum(projection * projection + margin, 0.0))
-    # Of the two forms of the root, the one without cancellation.
+    # The distance is a root of a quadratic equation. The sign of `projection` selects the form without cancellation.
     distance = np.where(
         projection < 0.0,
         exit_cosine - projection,

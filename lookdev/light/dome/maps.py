@@ -28,7 +28,7 @@ class DomeMap:
     where: str
 
     def check_exposed(self, exposure: float) -> None:
-        """Raise EnvironmentMapError if shaders cannot compute with its radiance times 2^exposure."""
+        """Raise EnvironmentMapError if shaders cannot compute with the map's radiance times 2^exposure."""
         check_exposed(self.largest, exposure, self.where)
 
 

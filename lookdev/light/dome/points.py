@@ -1,4 +1,4 @@
-"""The points of a dome light: 2^20 directions, distributed in proportion to its radiance, that its shader draws from.
+"""The points of a dome light: 2^20 directions, distributed in proportion to its radiance, for the shader to draw from.
 
 A direction is a warped pair of random numbers, a point of the unit square. The square is divided into a grid with one
 random point in each cell, and the cells are ordered along a Hilbert curve. Neighbours on the curve are therefore
@@ -69,7 +69,7 @@ def _points_along_curve(side: int) -> Floats:
 
 
 def hilbert_positions(cells: Ints, side: int) -> Ints:
-    """Return the positions (N,) along a Hilbert curve of cells (N, 2) in a square of `side` cells, a power of two."""
+    """Return the positions (N,) of cells (N, 2) along a Hilbert curve in a grid of `side` rows, a power of two."""
     x, y = cells.T.copy()
     position = np.zeros(len(cells), np.int64)
     step = side // 2

@@ -1,4 +1,4 @@
-"""The slots of a dome light: for each bin of normals, ranges of the light's points of equal probability.
+"""The slots of a dome light: for each bin of normals, ranges of the light's points with equal probabilities.
 
 For a diffuse surface, the best pdf is proportional to radiance times cosine. The points (`points`) are distributed in
 proportion to the radiance. For each bin of normals (`bins`), the curve of the points is cut into M *slots*. A slot is a
@@ -7,14 +7,14 @@ a slot uniformly, then one of its points uniformly. The probability of a point i
 number of points in its slot. A point whose g is greater than the sum of a slot fills several slots.
 
 Let p be the resulting pdf over solid angle, and m the mean of the channels of the radiance. p is nearly the pdf
-q = m g / integral, where `integral` is that of m g over the sphere. q needs no table, so multiple importance sampling
-computes its weight from q. The estimate divides by p: it is an estimate that divides by q, times the ratio
-q / p = g M c / sum(g), which is close to 1. The sum is over all points.
+q = m g / integral, where `integral` is the integral of m g over the sphere. q needs no table, so multiple importance
+sampling computes its weight from q. The estimate divides by p. It is equal to an estimate that divides by q, times the
+ratio q / p = g M c / sum(g), which is close to 1. The sum is over all points.
 
 After the bins of normals there is one more bin, whose g is 1 for all directions.
 
 The file of slots: slot n of bin b is the integer b M + n, in the format of `pack_ranges`. The file of bins has two
-numbers for each bin: 1 / integral, or 0 if no light reaches its normals, and M / sum(g).
+numbers for each bin: 1 / integral, or 0 if no light reaches the bin's normals, and M / sum(g).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MOST_POINTS = 3583
 CODE_BITS = 12
 """The number of bits of the code in a packed slot; the bits above them are the index of the slot's first point."""
 
-_MAX_REPETITIONS = 2**CODE_BITS - MOST_POINTS  # the largest number of slots of one point that has a code
+_MAX_REPETITIONS = 2**CODE_BITS - MOST_POINTS  # the most slots of one point for which there is a code
 # The least weight of a point is the mean sum of a slot divided by this number, so that no slot has too many points.
 _MIN_WEIGHTS_PER_SLOT = 2300
 
@@ -119,10 +119,11 @@ def cut_ranges(values: Floats | Floats32, number: int, least: float = 0.0) -> tu
     number_in_stretch = np.arange(number) - np.repeat(np.cumsum(shares) - shares, shares)
     targets = before[stretch] + mass[stretch] * number_in_stretch / shares[stretch]
     first = np.clip(np.searchsorted(cumulative, targets, side="right"), begin[stretch], end[stretch] - 1)
-    # The first range of a stretch begins with it, even if its first value is too small to change the cumulative sum.
+    # The first range of a stretch begins with the stretch, even if the stretch's first value is too small to change the
+    # cumulative sum.
     first = np.where(number_in_stretch == 0, begin[stretch], first)
-    # A value that is greater than the sum of a range fills all ranges that begin with it. If other values follow it
-    # before the next range, the last of these ranges has those values instead: the remainder.
+    # A value that is greater than the sum of a range fills all ranges that begin with it. If other values follow before
+    # the next range, the last of the filled ranges has these other values instead: it is the *remainder*.
     starts, group, times = np.unique(first, return_inverse=True, return_counts=True)
     times = times[group]
     count = np.minimum(np.append(starts[1:], len(values))[group], end[stretch]) - first

@@ -16,11 +16,11 @@ _NEWTON_STEPS = 3
 
 
 class BilinearWarp:
-    """A map from uniform points of the unit square to directions, whose pdf is proportional to a lat-long map.
+    """A mapping from uniform points of the unit square to directions, with a pdf in proportion to a lat-long map.
 
-    The pdf per steradian is the `lookup` of the map `values` (H, W), not negative, divided by `integral`, its integral
-    over the sphere. If all values are 0, the pdf is uniform. The cumulative distribution, which contains the cosine of
-    the latitude, is inverted first over the rows, then along a row.
+    The pdf per steradian is the `lookup` of the map `values` (H, W), not negative, divided by `integral`, the integral
+    of this look-up over the sphere. If all values are 0, the pdf is uniform. The cumulative distribution, which
+    contains the cosine of the latitude, is inverted first over the rows, then along a row.
     """
 
     def __init__(self, values: Floats) -> None:

@@ -5,7 +5,7 @@ shape of its own prims (`lookdev.light.usd`), `emission` reads the emission, whi
 reads and checks single values. All faults of a rig are reported together, each with its prim.
 
 A rig whose root has ``custom bool lookdev:fit = true`` fits an asset of any size: its unit is the radius of the asset's
-bounding sphere, and its origin the centre of that sphere. Its lights are read with a unit of 1 m;
+bounding sphere, and its origin the centre of that sphere. The rig's lights are read with a unit of 1 m;
 `lookdev.light.Light.rescale` converts them.
 """
 

@@ -1,6 +1,6 @@
 """Readers of the attributes of a light prim, and the report that collects the faults and notes of a rig.
 
-A value of a wrong type or range is a fault. All values are those at one time of the stage; an animated value adds a
+A value of a wrong type or range is a fault. All values are read at one time of the stage; an animated value adds a
 note. An unknown name is a fault, because a picture does not show that a misspelt attribute has no effect.
 """
 
@@ -67,7 +67,7 @@ class RigReport:
 
     @contextmanager
     def collect(self, path: Sdf.Path | str) -> Iterator[None]:
-        """Turn an error that is raised in the context, of a light, its image or its profile, into a fault of `path`."""
+        """In this context, turn errors of a light, of its image and of its profile into faults of `path`."""
         try:
             yield
         except FaultsError as error:
@@ -108,7 +108,7 @@ class LightPrim:
         self._report.note(self.path.AppendProperty(name) if name else self.path, text)
 
     def number(self, name: str, *, least: float = -math.inf, above: float = -math.inf, default: float = 0.0) -> float:
-        """Return a number; unless it is finite, at least `least` and above `above`, add a fault, return `default`."""
+        """Return a number, or `default` with a fault unless it is finite, at least `least` and above `above`."""
         value = self._value(name, (float, int), "float")
         if value is None:
             return default

@@ -11,7 +11,7 @@ from lookdev.light.usd import FALLOFF_ATTRIBUTES
 from lookdev.stage import clean_usd_message
 
 MIN_KELVIN, MAX_KELVIN = 1000.0, 10000.0
-"""The range in kelvin of inputs:colorTemperature, to which UsdLux's function clamps it.
+"""The range in kelvin of inputs:colorTemperature; UsdLux's function clamps other values to it.
 
 UsdLuxLightAPI: "The valid range is from 1000 to 10000".
 """
@@ -58,7 +58,7 @@ def black_body(kelvin: float) -> tuple[float, ...]:
 
 
 def _is_shaped(light: LightPrim) -> bool:
-    """Return whether a light has the ShapingAPI; for a dome False, with a fault for each value of it that is set.
+    """Return whether a light has a beam by the ShapingAPI; a dome has none, so each shaping value set on it is a fault.
 
     Programs apply the schema to domes, too, although a dome has no beam.
     """
@@ -119,7 +119,7 @@ def _link(light: LightPrim, name: str) -> LightLink | None:
         light.fault(collection_name, f"is not a valid collection: {clean_usd_message(reason)}")
         return None
     rule_map = collection.ComputeMembershipQuery().GetAsPathExpansionRuleMap()
-    # The parts of an asset are prims, so that both of these rules include the same parts.
+    # The parts of an asset are prims, so that the rule for prims and properties includes the same parts as expandPrims.
     rules = {
         str(path): "expandPrims" if rule == Usd.Tokens.expandPrimsAndProperties else str(rule)
         for path, rule in rule_map.items()

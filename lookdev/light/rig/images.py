@@ -52,7 +52,7 @@ def read_light_image(file: Path, space: str) -> EnvironmentMap:
 
 
 def format_of_image(environment: EnvironmentMap) -> str:
-    """Return the format of a dome's image whose prim states ``automatic``, from the file's metadata or aspect ratio.
+    """Return the format that ``automatic`` means for a dome's image, from the file's metadata or aspect ratio.
 
     Raises EnvironmentMapError if neither determines the format.
     """
@@ -75,8 +75,8 @@ def format_of_image(environment: EnvironmentMap) -> str:
 class LightImage:
     """The image of a light. The image of a dome is a lat-long map.
 
-    `mean` is the mean radiance (3,) over the image, or over the sphere for a dome. `error` is None, or for a map that
-    was converted from a ball the relative error of its power.
+    `mean` is the mean radiance (3,) over the image, or over the sphere for a dome. `error` is the relative error of
+    the power of a map that was converted from a ball; None for other images.
     """
 
     environment: EnvironmentMap
@@ -87,7 +87,7 @@ class LightImage:
 def load_light_image(file: Path, space: str, kind: str) -> LightImage:
     """Read the image of a light; `kind` is the format of a dome's image, "" for other lights.
 
-    Raises EnvironmentMapError if it cannot be read, or its format is not supported.
+    Raises EnvironmentMapError if the image cannot be read, or its format is not supported.
     """
     image, error = read_light_image(file, space), None
     if not kind:
@@ -143,7 +143,7 @@ def ball_power(radiance: Floats32, kind: str) -> float:
     # `angular` and 4.0 are steradians per unit of area of the disk, which are constant for a mirrored ball.
     angular = np.pi * np.pi * np.sinc(np.minimum(radius, 1.0))
     solid = np.where(radius < 1.0, angular if kind == "angular" else 4.0, 0.0)
-    # The rim cuts texels, so that the sum of the solid angles is slightly wrong. It is scaled to that of the sphere.
+    # The rim cuts texels, so that the sum of the solid angles is slightly wrong. It is scaled to 4 pi.
     solid *= 4.0 * np.pi / solid.sum()
     return float((radiance.mean(axis=-1, dtype=np.float64) * solid).sum())
 

@@ -1,7 +1,7 @@
 """Reading of a rig: from a composed USD stage to its lights.
 
-The prims are read first, then their images. Only if neither has a fault, the lights are made, with the files that
-shaders read.
+The prims are read first, then their images. If neither has a fault, the lights are made, with the files that shaders
+read.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def load_rig(
 def read_rig(composed: Composed, *, sampled: bool = True) -> LightRig:
     """Read the lights at and below the composition's prim, else the stage's default prim, else all lights.
 
-    Values are those at the stage's startTimeCode, else at the earliest time. The transforms of the prim's ancestors
+    Values are read at the stage's startTimeCode, else at the earliest time. The transforms of the prim's ancestors
     apply. Without `sampled`, domes have no tables with which shaders draw directions.
 
     Raises
@@ -105,7 +105,8 @@ def read_rig(composed: Composed, *, sampled: bool = True) -> LightRig:
     file, report = composed.composition.file, RigReport(str(composed.composition.file))
     with usd_errors_as_faults(file) as warnings:
         fit, pending = _Reader(composed, sampled, report).read()
-    # Images are read and checked outside of `usd_errors_as_faults`: a dome's tables take longer than it allows.
+    # Images are read and checked outside of `usd_errors_as_faults`: a dome's tables take longer than this context
+    # allows.
     images: _Images = {}
     for pending_light in pending:
         _read_image(pending_light, images, report)
@@ -216,7 +217,7 @@ class _Reader:
         return _PendingLight(str(path), shape, emission) if shape else None
 
     def _matrix(self, prim: Usd.Prim) -> Floats | None:
-        """Return a light's matrix (4, 4) to the stage, for column vectors; if it is wrong, add a fault, return None."""
+        """Return a light's matrix (4, 4) to the stage, for column vectors; None with a fault if it is wrong."""
         if not all(map(self._has_operations, prim_and_ancestors(prim))):
             return None
         try:
@@ -251,7 +252,7 @@ class _Reader:
 
 
 def _size_in_units(shape: UsdLightShape | None, unit: float) -> float:
-    """Return UsdLux's divisor of the radiance if the power is normalized; its areas are in units of the stage."""
+    """Return UsdLux's divisor of the radiance if the power is normalized; areas are in the stage's square units."""
     if shape is None:
         return 1.0
     return shape.size if shape.area is None else shape.area / (unit * unit)
