@@ -72,12 +72,12 @@ class RequestGuard:
         origins = headers.getlist("origin")
         if any(origin.lower() not in {f"http://{authority}" for authority in self._allowed} for origin in origins):
             return f"Origin {shorten(', '.join(origins), 80)} is not this server"
-        # Browsers send Origin with every websocket and every POST. So one without Origin is not from a page of another
-        # site, and is accepted.
+        # Browsers send Origin with every websocket and every POST. So a websocket or POST without Origin is not from a
+        # page of another site, and is accepted.
         return ""
 
     def _limit_body(self, scope: Scope, receive: Receive) -> Receive:
-        """Return `receive`, or a function in its place that disconnects a client whose body is too large."""
+        """Return `receive`, or a function in its place that disconnects a client that sends too large a body."""
         if scope["type"] != "http" or scope["path"] in self._uploads:
             return receive
         size = 0
@@ -95,7 +95,7 @@ class RequestGuard:
 
 
 def _add_headers(send: Send) -> Send:
-    """Return a function in place of `send` that adds to each response the `_SECURITY_HEADERS` that it lacks."""
+    """Return a function in place of `send`; it adds the missing `_SECURITY_HEADERS` to each response."""
 
     async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":
