@@ -57,7 +57,7 @@ class Interruption:
     """The state of an interruption: whether a signal came, and whether KeyboardInterrupt was raised for it.
 
     These are plain attributes, not a `threading.Event`, which has a lock. A handler that holds the lock can be
-    interrupted by that of a second signal, which would wait for the lock without end.
+    interrupted by the handler of a second signal, which would wait for the lock without end.
     """
 
     came: bool = False

@@ -101,8 +101,9 @@ class Charts:
 class Plan:
     """The plan of a job: its frames in the order of the setups, and their files.
 
-    `frame_suffixes` has the suffixes of the pictures that each frame has beside its EXR. `charts` maps each file of a
-    look to the file of the reference props that are composited over it. The frames of the props come first in `frames`.
+    `reels` has a reel for each turntable of each setup, without the reference props. `frame_suffixes` has the suffixes
+    of the pictures that each frame has beside its EXR. `charts` maps each file of a look to the file of the reference
+    props that are composited over it. The frames of the props come first in `frames`.
     """
 
     frames: tuple[PlannedFrame, ...]
@@ -146,7 +147,7 @@ class Plan:
     def copies(self) -> tuple[Copy, ...]:
         """Return the files to copy from a done file of the same frame.
 
-        There are some after a turntable was added, or a run was killed between two files of a frame.
+        There are such files after a turntable was added, or after a run was killed between two files of a frame.
         """
         return tuple(
             Copy(source, file.path)

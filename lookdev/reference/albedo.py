@@ -1,4 +1,4 @@
-"""Directional albedo: the share of uniform light from each side of a surface that it scatters to a viewer.
+"""Directional albedo: the share of uniform light from a side of a surface that the surface scatters to a viewer.
 
 There are two independent estimators. One is importance sampling by the BSDF. The other is a quadrature, which uses
 neither the BSDF's sampling nor its pdf, only its values. Light that passes where the surface is absent is not included.

@@ -49,7 +49,7 @@ class BoundSocket:
 def bind_address(address: Address) -> BoundSocket:
     """Listen at an address; if its port is None and the default port is taken, listen at a free port.
 
-    Raises LookdevError if the address is not one of this machine, or its port is taken.
+    Raises LookdevError if the address is not an address of this machine, or its port is taken.
     """
     requested_port = PORT if address.port is None else address.port
     try:

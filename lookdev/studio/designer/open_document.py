@@ -91,7 +91,7 @@ def _recoverable_job(recovery: Recovery | None) -> Path | None:
 
 
 def _free_path(file: Path) -> Path:
-    """Return the path, or one with a number after its stem, at which there is no file."""
+    """Return a path at which there is no file: `file`, or else `file` with a number after its stem."""
     numbered = (file.with_stem(f"{file.stem}_{number}") for number in range(2, 1000))
     return next(candidate for candidate in (file, *numbered) if not candidate.exists())
 

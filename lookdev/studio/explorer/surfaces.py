@@ -82,7 +82,7 @@ def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
     """Return a subject whose BSDF f is evaluated by a compiled program.
 
     The program is the same for all values of the parameter `moving`. Subjects of measured data would gain little, and
-    subjects whose parameters change with the view cannot be compiled. These, and subjects of delta lobes alone, are
+    subjects whose parameters change with the view cannot be compiled. All these, and subjects of delta lobes alone, are
     returned unchanged.
     """
     if not subject.layers or not subject.is_view_independent or subject.is_delta:
@@ -130,7 +130,7 @@ class Surfaces:
         return subject
 
     def values(self, kind: str, text: str, options: PlotOptions, draft: bool = False, moving: str = "") -> PlotValues:
-        """Return the values of a surface in a kind of plot; with `draft`, those of its faster draft, if it has one.
+        """Return the values of a surface in a kind of plot, or with `draft` the values of a faster draft, if any.
 
         `moving` is the parameter that a slider moves at present, or empty.
         """
@@ -265,7 +265,7 @@ def _parse_value(model: Model | None, name: str, text: str) -> str | float | lis
 
 
 def _values(model: Model | None, subject: PlotSubject) -> dict[str, object]:
-    """Return the values of a single layer's parameters, for JSON, without those that are paths of files."""
+    """Return the values of a single layer's parameters, for JSON, without values that are paths of files."""
     parameters = model.parameters if model else {}
     return {
         name: _plain_value(value) for name, value in (subject.parameters or {}).items() if not parameters[name].file
