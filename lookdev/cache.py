@@ -152,7 +152,7 @@ def code_digest(*rooms: str) -> str:
 def package_digest(*rooms: str) -> str:
     """Return a digest of the code of the subpackages `rooms`, or of the whole package if there are none.
 
-    It is equal on every machine.
+    The digest is equal on every machine.
     """
     digest = hashlib.sha256()
     package = Path(__file__).parent

@@ -34,7 +34,7 @@ PIXELS_VARIABLE = "LOOKDEV_IMAGE_PIXELS"
 DEFAULT_PIXELS = 1 << 27
 """The default of `PIXELS_VARIABLE`: 16384 x 8192 pixels."""
 
-_BYTES = 32  # most bytes of a file per pixel that the limit allows: eight channels of uncompressed float32
+_BYTES = 32  # limit of a file's bytes for each pixel of the limit: eight channels of uncompressed float32
 _STRIP = 1 << 20  # pixels read at once
 _MEGABYTE = 1 << 20
 _dwa_lock, _dwa_decoded = threading.Lock(), False  # see `_decode_first_dwa`

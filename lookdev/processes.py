@@ -80,7 +80,7 @@ def end_at_signals() -> Iterator[Interruption]:
     main = threading.get_ident()
 
     def watch() -> None:
-        """Wait for the first signal, repeat it until it has an effect, and end the process if it does not end."""
+        """Wait for the first signal, repeat it until it has an effect, and end the process if it goes on."""
         with os.fdopen(reader, "rb", buffering=0) as signals:
             number = signals.read(1)
             deadline = time.monotonic() + _GRACE

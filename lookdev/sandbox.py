@@ -2,7 +2,7 @@
 
 The libraries that read USD files and images trust their input: a damaged file can crash the process, and a file of a
 few bytes can compose to any number of prims. `run_supervised` runs the program in a child process. Before the child
-reads a file that a user gives, it reports that to its parent by `report_reading`. So the parent knows which file to
+reads a file that a user gives, it reports the file to its parent by `report_reading`. So the parent knows which file to
 name in a message, and it ends the child if reading takes too much time or memory. Outside of `run_supervised`, as in a
 user's Python program, `report_reading` does nothing.
 """

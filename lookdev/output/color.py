@@ -67,7 +67,7 @@ class DisplayView:
 
     @property
     def digest(self) -> str:
-        """A digest of the transform with its tables; pictures in this view change only if it changes."""
+        """A digest of the transform with its tables; pictures in this view change only if the digest changes."""
         if self._is_shipped:
             return ", ".join((hashlib.sha256(FILE.read_bytes()).hexdigest(), self.display, self.view))
         return str(self.processor.getCacheID())

@@ -84,7 +84,7 @@ def write_image(path: Path, pixels: Bytes, attributes: Mapping[str, str | int]) 
 
     `attributes` are attributes that OpenImageIO's writer of the format reads.
 
-    Raises OutputError where OpenImageIO cannot write the file, and OSError.
+    Raises OutputError where OpenImageIO cannot write the file, and OSError where the file system cannot store it.
     """
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)

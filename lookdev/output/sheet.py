@@ -26,7 +26,7 @@ SOURCE_SIZE = 512
 """Approximate longer side in pixels to which larger frames are averaged before they go on a sheet."""
 
 OVERVIEW_CELLS = (128, 256)
-"""Smallest and largest longer side, in pixels, of a frame on an overview or a grid.
+"""The smallest and the largest size of a frame on an overview or a grid: its longer side, in pixels.
 
 Smaller frames are enlarged, to make room for the names below them.
 """

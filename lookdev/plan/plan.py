@@ -302,7 +302,7 @@ def _done_path(files: tuple[PlannedFile, ...]) -> Path | None:
 
 
 def _due_pictures(frames: tuple[PlannedFrame, ...], suffixes: Sequence[str]) -> Iterator[Path]:
-    """Yield the pictures of frames with a done file that are missing or out of date."""
+    """Yield the missing and the outdated pictures of the frames that have a done file."""
     for frame in frames:
         if _done_path(frame.files) is not None:
             for file in frame.files:

@@ -125,7 +125,7 @@ def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
     job, findings = scenes.job, Findings(scenes.job)
     rigs = {rig.name: rig for rig in job.rigs}
     props_sampling = replace(job.render.sampling, passes=(), denoise="off")
-    # For each setup: the names of look and rig, the scene, the sampling, and the key of the job for its faults.
+    # For each setup: the names of look and rig, the scene, the sampling, and the key of the job that its faults name.
     requests = [(PROPS_FOLDER, name, scene, props_sampling, "charts") for name, scene in scenes.charts.items()]
     for (look, name), scene in scenes.scenes.items():
         requests.append((look, name, scene, job.render.sampling, scenes.look_keys[look]))

@@ -28,8 +28,8 @@ from lookdev.scene import Pose, Sampling, Scene
 class Setup:
     """A look under a light, ready to be rendered.
 
-    `look` and `ibl` are their names, which are the folders of the frames. `ibl` can also be the name of a rig. `task`
-    is the scene as a backend renders it, with the generated sources.
+    `look` and `ibl` are the names of the look and the light, which are the folders of the frames. `ibl` can also be the
+    name of a rig. `task` is the scene as a backend renders it, with the generated sources.
     """
 
     look: str

@@ -1,8 +1,9 @@
 """Plots of the BSDF f or of the albedo over one angle: cartesian, polar, retro, Fresnel and albedo.
 
 Each kind has a function that plots surfaces, and a function that returns the values of one surface. `wo` and `wi` are
-unit directions to the viewer and to the light. theta_h, and theta_d and phi_d, are the angles of their half vector and
-of their difference vector (Rusinkiewicz 1998); theta_o and theta_i are the angles of `wo` and `wi` to the normal.
+unit directions to the viewer and to the light. theta_h is the polar angle of their half vector; theta_d and phi_d are
+the angles of their difference vector (Rusinkiewicz 1998); theta_o and theta_i are the angles of `wo` and `wi` to the
+normal.
 """
 
 from __future__ import annotations

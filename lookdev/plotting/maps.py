@@ -1,7 +1,7 @@
 """Pictures of the BSDF f over theta_h and theta_d: image slices, and the difference of two (Burley 2012, section 3.3).
 
-theta_h, and theta_d and phi_d, are the angles of the half vector and of the difference vector of the directions `wo` to
-the viewer and `wi` to the light (Rusinkiewicz 1998).
+`wo` and `wi` are unit directions to the viewer and to the light. theta_h is the polar angle of their half vector;
+theta_d and phi_d are the angles of their difference vector (Rusinkiewicz 1998).
 """
 
 from __future__ import annotations

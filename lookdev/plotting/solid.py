@@ -81,7 +81,7 @@ def lobe_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
 
 
 def lobe_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return the directions ``wi`` to the light of `lobe_grid`, and ``f`` for them, both (n, m, 3)."""
+    """Return directions to the light, ``wi``, at the angles of `lobe_grid`, and ``f`` for them, both (n, m, 3)."""
     theta, phi, view = lobe_grid(options)
     wi = spherical_direction(theta[:, None], phi[None, :])
     return {"wi": wi, "f": evaluate_f(subject, np.broadcast_to(view, wi.shape), wi, options.cosine)}

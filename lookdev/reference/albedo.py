@@ -96,7 +96,7 @@ def _refract_view(lobe: Lobe, view: Floats) -> Floats:
     """Return the view (3,) whose mirror direction is the middle of a lobe; only transmitting lobes change it.
 
     The grid of half vectors is dense about this mirror direction. The middle of a transmitting lobe is estimated from
-    256 samples of it: refraction bends it away from the mirror direction of the original view.
+    256 samples of the lobe: refraction bends the middle away from the mirror direction of the original view.
     """
     if not lobe.transmits:
         return view

@@ -209,7 +209,7 @@ class MeshScene:
     def _trace(
         self, occluder: _Occluder, origin: Floats, start: Floats32, direction: Floats, leaving: Ints
     ) -> tuple[Bools, MeshHits]:
-        """Trace rays to the first triangle other than the one that they leave.
+        """Trace rays to the first triangle other than the triangle that they leave.
 
         `leaving` (N,) is the number of that triangle, or -1. `start` is the normalized origin of the rays in float32.
         Returns a mask (N,) of the rays that hit, and the hits.

@@ -78,10 +78,10 @@ class ReferenceScene(Protocol):
         """Return a mask (N,) of the hits that light number `light` illuminates; None if it illuminates all hits."""
 
     def bsdfs(self, hits: Hits, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
-        """Yield the indices of the hits that have a common look, and the BSDF at these hits.
+        """Yield, for each look, the indices of the hits with this look, and the BSDF at these hits.
 
-        Each hit is in one of these groups. `view` (N,) has the cosines between the shading normals and the directions
-        to the viewer.
+        Each hit is yielded once. `view` (N,) has the cosines between the shading normals and the directions to the
+        viewer.
         """
 
 

@@ -19,7 +19,7 @@ from lookdev.errors import shorten
 log = logging.getLogger("lookdev.studio")
 
 MAX_BODY_BYTES = 1 << 16
-"""Largest body of a request, in bytes; it does not apply to paths of uploads, which check their size themselves."""
+"""Largest body of a request, in bytes; it does not apply to uploads, whose handlers check the size themselves."""
 
 _SECURITY_HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
@@ -41,8 +41,8 @@ def authorities(names: Iterable[str], port: int) -> frozenset[str]:
 class RequestGuard:
     """An ASGI application that checks each request, and passes it to `app` or refuses it; refusals are logged.
 
-    The value of `Host`, and the site in `Origin` if there is one, must be in `allowed` (see `authorities`). Bodies of
-    requests to other paths than `uploads` have at most `MAX_BODY_BYTES`.
+    The value of `Host`, and the site in `Origin` if there is one, must be in `allowed` (see `authorities`). A body has
+    at most `MAX_BODY_BYTES`, unless the path of its request is in `uploads`.
     """
 
     def __init__(self, app: ASGIApp, allowed: frozenset[str], uploads: Iterable[str] = ()) -> None:

@@ -41,8 +41,8 @@ class CancelToken:
 class PageSocket:
     """The websocket of one page, with its asyncio tasks, and with the ticket of its newest computation.
 
-    A ticket is a `CancelToken`. The function `cancel` ends the computation that has this ticket. When the page is gone,
-    the newest ticket and all tasks are cancelled.
+    A ticket is a `CancelToken`. The argument `cancel` is a function that ends the computation of a ticket. When the
+    page is gone, the newest ticket and all tasks are cancelled.
     """
 
     def __init__(self, socket: WebSocket, cancel: Callable[[CancelToken], None]) -> None:

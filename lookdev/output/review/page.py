@@ -254,7 +254,7 @@ def _compare_reels(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Ite
 
 
 def _compare_frame(new: ReviewFrame, old: ReviewFrame) -> Comparison:
-    """Compare two versions of a frame; they are equal without a look at their pixels if they are the same files."""
+    """Compare two versions of a frame; if both are the same files, they are equal, and their pixels are not read."""
     pairs = ((new.file, old.file), (new.props_file, old.props_file))
     if all(a == b or (a and b and a.samefile(b)) for a, b in pairs):
         return Comparison((), 0.0, 0.0)

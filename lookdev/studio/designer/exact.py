@@ -98,7 +98,7 @@ class ExactRenderer:
         self._worker: Worker | None = None
         self._command: tuple[str, ...] = ()  # the command line of the worker
         self._current: CancelToken | None = None  # the picture that is being rendered
-        self._digest = ""  # the digest of its current frame, by which the worker cancels it
+        self._digest = ""  # the digest of the frame that is being rendered, by which the worker cancels it
         self._count = 0  # number of frames so far
         self._closed = False
 

@@ -79,7 +79,8 @@ class LightSettings:
     def describe(self, rig: str, scene: Scene) -> dict[str, Any]:
         """Return the ``lights`` of a rig for the page, with their settings, and the limits of settings.
 
-        ``rows`` has the numbers of the lights in the viewport's texture ``rig_numbers``, with the settings applied.
+        ``rows`` has the values in the viewport's texture ``rig_numbers`` that describe the lights, with the settings
+        applied.
         """
         with self._lock:
             settings = dict(self._settings.get(rig, {}))

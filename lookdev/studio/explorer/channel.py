@@ -27,8 +27,8 @@ from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.packets import encode_packet
 from lookdev.studio.websocket import CancelToken, PageSocket, SocketMessage, log
 
-_MAX_WAITING = 64  # most requests of a page that wait; a further request replaces the oldest
-_MAX_LOGGED = 20  # most refusals of a page that are logged
+_MAX_WAITING = 64  # largest number of waiting requests of a page; a further one drops the oldest
+_MAX_LOGGED = 20  # largest number of logged refusals of a page
 _CONCURRENT_REQUESTS = 3
 """Number of requests of one page that are computed at the same time."""
 

@@ -57,11 +57,12 @@ class Hierarchy:
 
     The first texel is the grid on which boxes are stored: the lowest corner of the root's box, and the size of a cell.
 
-    A node is a texel. Its x, y and z are the extent of its box along an axis: the number of the box's first cell in the
-    lower 15 bits, and of its last cell in the next 15. `FIRST_BITS` is added to them, so that the bits are those of a
-    normal float. A traversal begins at the root, which is node 0. It goes from a node to the next texel, which is the
-    first child of an inner node. If a ray misses the box of an inner node, the traversal goes to the node of number w
-    instead. For a leaf, w is -1 minus the index of the first of its triangles. The traversal ends after the last node.
+    A node is a texel. Each of its x, y and z is the extent of the node's box along an axis: the number of the box's
+    first cell in the lower 15 bits, and of its last cell in the next 15. `FIRST_BITS` is added to them, so that they
+    are the bits of a normal float. A traversal begins at the root, which is node 0. It goes from a node to the next
+    texel, which is the first child of an inner node. If a ray misses the box of an inner node, the traversal goes to
+    the node of number w instead. For a leaf, w is -1 minus the index of the first of its triangles. The traversal ends
+    after the last node.
 
     The first texel of a triangle has a corner and, as w, the triangle's number. The second has an edge from this
     corner, and the number of the triangle's slot. The third has the other edge from this corner, and 1 if the triangle
