@@ -29,9 +29,9 @@ from typing import Any, Self
 from lookdev.errors import ContentError, OutputError
 from lookdev.safe_text import has_text_path
 
-_CODE_SUFFIXES = {".py", ".h", ".osl", ".csv", ".json"}  # of the files that `package_digest` covers
-_notes: list[str] = []  # on damaged files, for the user, until `take_notes`
-_digests: dict[tuple[Path, int, int, int], str] = {}  # the SHA-256 of files in a state, see `_file_state`
+_CODE_SUFFIXES = {".py", ".h", ".osl", ".csv", ".json"}  # suffixes of the files that `package_digest` covers
+_notes: list[str] = []  # notes for the user on damaged files, until `take_notes`
+_digests: dict[tuple[Path, int, int, int], str] = {}  # the SHA-256 of files, by `_file_state`
 
 
 def cache_dir(*parts: str) -> Path:
@@ -59,7 +59,7 @@ def atomic_path(final: Path) -> Iterator[Path]:
 
     The temporary name has the suffix of `final`, since writers choose a format by it. It starts with a dot, so that a
     file left by ``kill -9`` never counts as a frame. An OSError in the block gets the file name of `final`, unless it
-    names another file; one of a full disk always gets it.
+    names another file; the error of a full disk always gets this name.
     """
     try:
         if not final.name or final.is_dir():
@@ -152,7 +152,7 @@ def code_digest(*rooms: str) -> str:
 def package_digest(*rooms: str) -> str:
     """Return a digest of the code of the subpackages `rooms`, or of the whole package if there are none.
 
-    It is equal on every machine.
+    The digest is equal on every machine.
     """
     digest = hashlib.sha256()
     package = Path(__file__).parent
@@ -206,7 +206,7 @@ class Content:
     @classmethod
     def store_copy(cls, file: Path) -> Self:
         """Store a copy of a file, unless the store has it; raises OSError where the file cannot be read."""
-        content = cls(file.stem, file.suffix)  # right if the file is one of the store
+        content = cls(file.stem, file.suffix)  # correct if the file is in the store
         is_stored = file == content._stored_file and content.is_whole()
         return content if is_stored else cls.store_bytes(file.read_bytes(), file.suffix)
 

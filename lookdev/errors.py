@@ -59,7 +59,8 @@ class Fault:
     """One fault of a file.
 
     `where` is the location in `file`: a dotted key with indices for TOML (``ibl[1].exposure``), a prim path and input
-    for USD (``/Paint/Base.inputs:roughness``). `what` is wrong there. `hint` states what would be right, or is empty.
+    for USD (``/Paint/Base.inputs:roughness``). `what` states what is wrong there. `hint` states what would be right, or
+    is empty.
     """
 
     file: str

@@ -32,9 +32,9 @@ PIXELS_VARIABLE = "LOOKDEV_IMAGE_PIXELS"
 """Environment variable: the largest number of pixels of an image."""
 
 DEFAULT_PIXELS = 1 << 27
-"""16384 x 8192."""
+"""The default of `PIXELS_VARIABLE`: 16384 x 8192 pixels."""
 
-_BYTES = 32  # largest bytes of a file for each pixel that the limit allows: eight channels of uncompressed float32
+_BYTES = 32  # limit of a file's bytes for each pixel of the limit: eight channels of uncompressed float32
 _STRIP = 1 << 20  # pixels read at once
 _MEGABYTE = 1 << 20
 _dwa_lock, _dwa_decoded = threading.Lock(), False  # see `_decode_first_dwa`
@@ -45,7 +45,7 @@ _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
 def default_pixel_limit() -> int:
-    """Return the limit of an image's pixels in `PIXELS_VARIABLE`, or the default; raises OutputError for no number."""
+    """Return the limit of an image's pixels in `PIXELS_VARIABLE`, or the default; raises OutputError if it is wrong."""
     return environment_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
 
 
@@ -113,8 +113,8 @@ def check_size(file: Path, spec: oiio.ImageSpec, error: type[LookdevError], most
 def _check_jpeg(file: Path, error: type[LookdevError]) -> None:
     """Raise `error` for a JPEG without end marker (ITU-T T.81, B.1.1.3): the JPEG reader fills in missing pixels."""
     data = file.read_bytes()
-    start = 2  # of a segment, after the marker of the image's start
-    # Skip all segments before that of the scan, 0xda: a thumbnail in them may contain an end marker.
+    start = 2  # the offset of a segment: the first follows the marker of the image's start
+    # Skip all segments before the segment of the scan, 0xda: a thumbnail in them may contain an end marker.
     while data[start : start + 1] == b"\xff" and data[start + 1 : start + 2] != b"\xda":
         start += 2 + int.from_bytes(data[start + 2 : start + 4], "big")
     if data.find(b"\xff\xd9", start) < 0:
@@ -157,7 +157,7 @@ def read_strips(
     subimage = image.current_subimage()
 
     def read_rows(begin: int, end: int, right: int) -> Floats32:
-        """Return the pixels of the rows from `begin` to before `end`; of tiles, only to before the column `right`."""
+        """Return the pixels of the rows from `begin` to before `end`; of a tiled image, only columns before `right`."""
         selection = channels.start, channels.stop, oiio.FLOAT
         if spec.tile_width:
             pixels = image.read_tiles(subimage, 0, spec.x, right, begin, end, spec.z, spec.z + 1, *selection)
@@ -180,7 +180,7 @@ def _decode_first_dwa(decode_one: Callable[[], object]) -> None:
     """Decode the first block of DWA images of this process in one thread.
 
     While OpenEXR decodes its first block, it chooses the decoder for this processor. Other threads would meanwhile
-    decode with one that rounds differently (docs/notebook/first-dwa-block.md).
+    decode with a decoder that rounds differently (docs/notebook/first-dwa-block.md).
     """
     global _dwa_decoded
     with _dwa_lock:

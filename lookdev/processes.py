@@ -57,7 +57,7 @@ class Interruption:
     """The state of an interruption: whether a signal came, and whether KeyboardInterrupt was raised for it.
 
     These are plain attributes, not a `threading.Event`, which has a lock. A handler that holds the lock can be
-    interrupted by that of a second signal, which would wait for the lock without end.
+    interrupted by the handler of a second signal, which would wait for the lock without end.
     """
 
     came: bool = False
@@ -80,7 +80,7 @@ def end_at_signals() -> Iterator[Interruption]:
     main = threading.get_ident()
 
     def watch() -> None:
-        """Wait for the first signal, repeat it until it has an effect, and end the process if it does not end."""
+        """Wait for the first signal, repeat it until it has an effect, and end the process if it goes on."""
         with os.fdopen(reader, "rb", buffering=0) as signals:
             number = signals.read(1)
             deadline = time.monotonic() + _GRACE

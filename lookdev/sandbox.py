@@ -2,7 +2,7 @@
 
 The libraries that read USD files and images trust their input: a damaged file can crash the process, and a file of a
 few bytes can compose to any number of prims. `run_supervised` runs the program in a child process. Before the child
-reads a file that a user gives, it reports that to its parent by `report_reading`. So the parent knows which file to
+reads a file that a user gives, it reports the file to its parent by `report_reading`. So the parent knows which file to
 name in a message, and it ends the child if reading takes too much time or memory. Outside of `run_supervised`, as in a
 user's Python program, `report_reading` does nothing.
 """
@@ -29,23 +29,23 @@ from lookdev.errors import LookdevError, shorten
 from lookdev.processes import end_with_parent
 
 MEMORY_VARIABLE = "LOOKDEV_READ_MEMORY"
-"""Environment variable: MiB of memory for reading a file, to which `_MEMORY_PER_MIB` is added for each MiB of it."""
+"""Environment variable: MiB of memory for reading a file; `_MEMORY_PER_MIB` is added for each MiB of the file."""
 
 SECONDS_VARIABLE = "LOOKDEV_READ_SECONDS"
-"""Environment variable: seconds for reading a file, to which `_SECONDS_PER_MIB` is added for each MiB of it."""
+"""Environment variable: seconds for reading a file; `_SECONDS_PER_MIB` is added for each MiB of the file."""
 
 DEFAULT_MEMORY = 1536  # MiB
 DEFAULT_SECONDS = 15
 
 _MEMORY_PER_MIB = 128  # MiB of memory for each MiB of the files that were reported so far
-_SECONDS_PER_MIB = 10
+_SECONDS_PER_MIB = 10  # seconds for each MiB of these files
 _MIB = 1 << 20
 _PERIOD = 0.05  # seconds between two measurements of a child that reads
 _TICKS = os.sysconf("SC_CLK_TCK")  # units of CPU time in a second, in proc(5)
 
 _FORWARDED_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
-_pipe_to_parent: int | None = None  # the file descriptor, in a child of `run_supervised`
+_pipe_to_parent: int | None = None  # in a child of `run_supervised`, the file descriptor of the pipe
 _lock = threading.Lock()  # without it, reports of several threads that are longer than PIPE_BUF could mix
 
 
@@ -170,9 +170,9 @@ class _ResourceUse:
 
 @dataclass
 class _ChildState:
-    """The process id of a child, its limits `memory` in MiB and `seconds`, and the files that it reads.
+    """The process id of a child (`child`), its limits `memory` in MiB and `seconds`, and the files that it reads.
 
-    `files` are the files that are being read, which are nested: each is read during the reading of the one before it.
+    `files` are the files that are being read, which are nested: each is read during the reading of the file before it.
     `sizes` has the bytes of all files that were reported. `start` is the use of resources when reading the first of
     `files` began.
     """
@@ -185,7 +185,7 @@ class _ChildState:
     start: _ResourceUse | None = None
 
     def handle(self, message: dict[str, Any]) -> None:
-        """Update the state by a report of the child: it reads a file, has read a file, or has opened a further one."""
+        """Update the state by a report: the child reads a file, has read a file, or has opened a further file."""
         match message:
             case {"reads": file}:
                 self.files.append(file)

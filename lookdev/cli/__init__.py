@@ -54,12 +54,12 @@ def main() -> None:
 
 
 def _open_streams() -> None:
-    """Open those of the standard streams that are closed, and make output escape characters that it cannot encode."""
+    """Open the standard streams that are closed, and make output escape characters that it cannot encode."""
     for stream in range(3):
         try:
             os.fstat(stream)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is that of the closed stream
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number: the number of the closed stream
     sys.stdin = sys.stdin or open(0, closefd=False, encoding="utf-8")  # noqa: SIM115
     sys.stdout = sys.stdout or open(1, "w", closefd=False, encoding="utf-8")  # noqa: SIM115
     sys.stderr = sys.stderr or open(2, "w", closefd=False, encoding="utf-8")  # noqa: SIM115

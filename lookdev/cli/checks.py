@@ -14,7 +14,7 @@ from lookdev.cli.options import Prim, VariantOptions, say
 
 app = typer.Typer()
 _PANEL = "Accuracy and speed"
-# Options of bench: those that select another kind of benchmark, and those that select its cases.
+# These make options of bench: for another kind of benchmark, and for the selection of its cases.
 _kind_option = partial(Option, rich_help_panel="Other benchmarks")
 _selection_option = partial(Option, rich_help_panel="Selection")
 

@@ -24,9 +24,9 @@ DISTRIBUTIONS = ("lookdev", "bpy", "numpy", "usd-core")
 def record_crash(error: Exception, command: Sequence[str]) -> str:
     """Write a report file about an exception of a command line; return a line for the user that names the file.
 
-    The file is in the cache folder, or, if that cannot be written, in the folder of temporary files. If neither can be
-    written, the returned text has the report after the line. A report contains the job files that the command line
-    names.
+    The file is in the cache folder, or, if this folder cannot be written, in the folder of temporary files. If neither
+    can be written, the returned text has the report after the line. A report contains the job files that the command
+    line names.
     """
     now = datetime.now(UTC)
     report = "\n".join(_report_lines(error, command, now)) + "\n"

@@ -14,7 +14,7 @@ from lookdev.cli.options import AsJson, say, say_json, say_notes
 from lookdev.errors import LookdevError
 
 app = typer.Typer()
-# An option of fit that goes with --picture.
+# Makes an option of fit that goes with --picture.
 _picture_option = partial(Option, rich_help_panel="Pictures")
 
 Subjects = Annotated[

@@ -99,11 +99,11 @@ def export_blend(
 def blend_task(prepared: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
     """Return the task that makes the exporter write a job, which was prepared with backend ``"nodes"``, to `file`.
 
-    The poses are those under the job's first rig. Every other rig is rotated by the difference between its rotation and
-    that of the first rig. All rigs share one timeline. RenderError is therefore raised if the domes of one rig rotate
-    with the light and those of another do not.
+    The turntables have the poses under the job's first rig. Every other rig is rotated by the difference between its
+    rotation and the first rig's rotation. All rigs share one timeline. RenderError is therefore raised if the domes of
+    one rig rotate with the light and the domes of another rig do not.
     """
-    # By the names of the look and the rig.
+    # `scenes` has the scenes by the names of the look and the rig.
     job = prepared.job
     scenes = {(setup.look, setup.ibl): setup.task for setup in prepared.setups}
     first, looks = job.rigs[0], [look.name for look in job.look]
@@ -166,7 +166,7 @@ def _image_sources(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
 
 @contextmanager
 def _copy_images(images: Sequence[BlendImage], folder: Path) -> Iterator[tuple[Path, ...]]:
-    """Copy images to their paths in a folder and yield the paths of the copies; remove new ones if the block fails."""
+    """Copy images into a folder, and yield the paths of the copies; remove new copies if the block fails."""
     copies = {folder / image.path: image.content for image in images}
     created: list[Path] = []
     try:

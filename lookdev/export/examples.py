@@ -36,7 +36,7 @@ class Example:
 
     @property
     def name(self) -> str:
-        """The name of the example: that of the file, without suffix."""
+        """The name of the example: the name of the file, without suffix."""
         return self.file.stem
 
 

@@ -34,9 +34,9 @@ Matrix = Floats
 # The matrix from Mitsuba's axes, with y up, to lookdev's axes, with z up. It also rotates Mitsuba's environment maps so
 # that their columns have the directions that they have in lookdev.
 _Y_UP_TO_Z_UP = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-# Mitsuba's rectangles and disks emit along +z, and those of lookdev along -z.
+# Mitsuba's rectangles and disks emit along +z, lookdev's along -z.
 _FLIP_Z = np.diag([1.0, -1.0, -1.0, 1.0])
-# Fields of `Emission` that an exported light can have; all others must have their defaults.
+# Fields of `Emission` that an exported light can set; all other fields must have their defaults.
 _EXPORTED_FIELDS = {"color", "group", "path", "turns"}
 # The properties of a vertex in a PLY file: position, normal and UV.
 _VERTEX = [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz", "u", "v")]
@@ -183,8 +183,8 @@ def _write_meshes(asset: Asset, center: Floats, folder: Path) -> Iterator[str]:
 def _encode_ply(mesh: Mesh, matrix: Matrix, center: Floats) -> bytes:
     """Return a mesh of triangles as a binary PLY (Turk 1994) with a vertex for each corner.
 
-    `matrix` (4, 4) places the mesh in world space; points are relative to `center`. UVs are those of the default UV
-    set, or else of the first.
+    `matrix` (4, 4) places the mesh in world space; points are relative to `center`. The UVs are the default UV set, or
+    else the first set.
     """
     corners = mesh.corner_points
     normals = mesh.normals @ np.linalg.inv(matrix[:3, :3])

@@ -41,7 +41,7 @@ _GPUS = {"cuda", "optix", "hip", "oneapi"}  # the values of `render.device` that
 
 @dataclass(frozen=True)
 class HostRequirements:
-    """The requirements of a host: cores and MiB of memory, and the name or path of the program `lookdev` on it."""
+    """Requirements of a host: cores, MiB of memory, and the command, which is the name or path of `lookdev` on it."""
 
     cores: int = 2
     memory: int = 4096
@@ -53,7 +53,7 @@ def export_openjd(
 ) -> ExportResult:
     """Write a job as a template or, if `out` has no suffix of a template, as a job bundle in the folder `out`.
 
-    `chunks` is the division of the frames into chunks. By default, a chunk takes about five minutes by an estimate.
+    `chunks` is the division of the frames into chunks. By default, each chunk takes about five minutes, by an estimate.
 
     Raises
     ------

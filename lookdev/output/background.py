@@ -16,7 +16,7 @@ from lookdev.scene import Camera, camera_rays
 from lookdev.space import to_rec709
 
 _GRID = 3  # subsamples of a pixel along each axis
-_LENS_GRID = 8  # the same for rays through a lens
+_LENS_GRID = 8  # subsamples of a pixel along each axis, for rays through a lens
 _DISC_GRID = 16  # subsamples of a pixel of the disc of confusion
 
 
@@ -74,10 +74,10 @@ def _lens_samples(count: int) -> Floats:
 def _disc_of_confusion(camera: Camera, width: int) -> Floats:
     """Return the weights (n, n), n odd, of the disc of pixels over which a lens spreads a point at infinity.
 
-    The weights sum to 1. `width` is that of the frame in pixels.
+    The weights sum to 1. `width` is the width of the frame in pixels.
     """
     lens = camera.lens
-    # In pixels. Rays of such a point are parallel: on the plane of focus, they are apart by as much as on the lens.
+    # In pixels. Rays of a point at infinity are parallel: they are as far apart on the plane of focus as on the lens.
     radius = 0.0 if lens is None else 0.5 * lens.aperture / lens.focus / camera.half_width * width / 2.0
     if radius < 1.0 / _DISC_GRID:
         return np.ones((1, 1))

@@ -1,7 +1,7 @@
 """Views: the transforms of OpenColorIO from linear light to code values of a display.
 
-A view is defined in an OpenColorIO config: the one that ships with this program (`lookdev.output.config`), a file, or
-one that is built into OpenColorIO.
+A view is defined in an OpenColorIO config: the one that ships with this program (`lookdev.output.config`), a file, or a
+config that is built into OpenColorIO.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class DisplayView:
     """A view of a display: the names of both, and the config that defines them.
 
     config
-        `SHIPPED`, the path of a config, or ``ocio://`` and the name of one that is built into OpenColorIO.
+        `SHIPPED`, the path of a config, or ``ocio://`` and the name of a config in OpenColorIO.
     space
         The config's name of linear Rec.709. If it is empty, OpenColorIO identifies the space by the interchange roles
         of the config.
@@ -56,7 +56,7 @@ class DisplayView:
     def processor(self) -> ocio.CPUProcessor:
         """The transform from linear Rec.709 to code values, on the CPU.
 
-        Raises OutputError where the config does not have one.
+        Raises OutputError where the config does not define such a transform.
         """
         return self.transform.getDefaultCPUProcessor()
 
@@ -67,7 +67,7 @@ class DisplayView:
 
     @property
     def digest(self) -> str:
-        """A digest of the transform with its tables; pictures in this view change only if it changes."""
+        """A digest of the transform with its tables; pictures in this view change only if the digest changes."""
         if self._is_shipped:
             return ", ".join((hashlib.sha256(FILE.read_bytes()).hexdigest(), self.display, self.view))
         return str(self.processor.getCacheID())
@@ -76,7 +76,7 @@ class DisplayView:
     def _is_shipped(self) -> bool:
         """Whether the view is one of `VIEWS` in the config that ships.
 
-        It needs no check, so that OpenColorIO need not be imported.
+        Such a view needs no check, so that OpenColorIO need not be imported.
         """
         return self == DisplayView(self.view) and self.view in VIEWS
 
@@ -145,7 +145,7 @@ def _processor(view: DisplayView) -> ocio.Processor:
 
 
 def _require_name(config: str, kind: str, name: str, names: Sequence[str]) -> None:
-    """Raise OutputError unless `name` is one of the `names` of a kind of objects in a config."""
+    """Raise OutputError unless `name` is one of `names`, which are all names of objects of a kind in a config."""
     if name not in names:
         hint, all_names = nearest_hint(name, names), f"known: {', '.join(names)}"
         also = f"; {all_names}" if hint != all_names and len(names) <= 20 else ""

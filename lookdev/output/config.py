@@ -34,7 +34,7 @@ WHITE = 64.0
 
 FILE = Path(__file__).with_name("data") / "lookdev.ocio"
 NAME = "lookdev"
-"""The name of the config, and that of its view."""
+"""The name of the config, and of the view that is added to it."""
 
 _SOURCE = OCIO_NAMES[REC709]
 _STANDARD_RANGE_DISPLAYS = ("sRGB - Display", "Display P3 - Display", "Rec.1886 Rec.709 - Display", "P3-D65 - Display")

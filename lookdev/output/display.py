@@ -27,7 +27,7 @@ def to_display(rgb: ArrayLike, view: DisplayView | str) -> Bytes:
 def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats32:
     """Return linear Rec.709 light (H, W, 3) as code values of a display, (H, W, 3) in [0, 1].
 
-    `view` is that of `to_display`. Raises what `DisplayView.processor` raises, and OutputError for pixels that are not
+    `view` is as in `to_display`. Raises what `DisplayView.processor` raises, and OutputError for pixels that are not
     finite.
     """
     display_view = DisplayView(view) if isinstance(view, str) else view
@@ -82,9 +82,9 @@ def write_pixels(path: Path, pixels: Bytes) -> None:
 def write_image(path: Path, pixels: Bytes, attributes: Mapping[str, str | int]) -> None:
     """Write pixels (H, W, channels) in the format that the suffix of the path names, complete or not at all.
 
-    `attributes` are those of OpenImageIO's writer.
+    `attributes` are attributes that OpenImageIO's writer of the format reads.
 
-    Raises OutputError where OpenImageIO cannot write the file, and OSError.
+    Raises OutputError where OpenImageIO cannot write the file, and OSError where the file system cannot store it.
     """
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)

@@ -2,8 +2,8 @@
 
 A file has one part, in scanlines. Header entries are string attributes named ``lookdev:<key>``. Numbers are strings,
 too, because OpenEXR's numbers of 32 bits cannot store a 64-bit seed or an error estimate exactly. ``lookdev:checksum``
-is a CRC-32 of all bytes of the file except its own 8 digits. Its check takes a twentieth of the time of decoding the
-pixels.
+is a CRC-32 of all bytes of the file except its own 8 digits. To verify it takes a twentieth of the time that it takes
+to decode the pixels.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _MAGIC = b"\x76\x2f\x31\x01"  # the first bytes of an EXR
 _HEADER_BYTES = 1 << 14  # number of bytes within which a header usually ends
 
 Attributes = dict[bytes, tuple[bytes, int, bytes]]
-"""The attributes of an EXR by name: the type of a value, the offset of the value in the file, and its bytes."""
+"""The attributes of an EXR by name: for each, the type of its value, the value's offset in the file, and its bytes."""
 
 
 def write_frame(

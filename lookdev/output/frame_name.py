@@ -42,7 +42,7 @@ class FrameName:
 
     @classmethod
     def of(cls, file: Path) -> Self:
-        """Return the name of the frame with this EXR; raises ValueError where the path is not that of a frame."""
+        """Return the name of the frame with this EXR; raises ValueError where the path is not a frame's."""
         name = _FILE_NAME.fullmatch(file.name)
         if name is None or len(file.parts) < 3:
             raise ValueError(f"{file} is not a frame, {FRAME_PATTERN}.exr")

@@ -4,11 +4,11 @@ The manifest is one JSON document:
 
     format, job, command, versions, view, settings, inputs, planned, frames, pictures
 
-``job`` is the job's file, ``command`` renders it again, ``versions`` are those of this program, Python and NumPy,
-``view`` is that of the pictures, and ``settings`` are tables of the job. ``inputs``, ``frames`` and ``pictures`` are
-lists of ``{file, sha256}``; paths of inputs are absolute, others are relative to the manifest's folder. A frame also
-has its ``header``, and the ``command`` that renders it again. ``planned`` is the number of frames' files of the whole
-job: after an interrupted run, ``frames`` lists fewer.
+``job`` is the job's file, ``command`` renders it again, ``versions`` are the versions of this program, Python and
+NumPy, ``view`` is the view of the pictures, and ``settings`` are tables of the job. ``inputs``, ``frames`` and
+``pictures`` are lists of ``{file, sha256}``; paths of inputs are absolute, other paths are relative to the manifest's
+folder. A frame also has its ``header``, and the ``command`` that renders it again. ``planned`` is the number of frames'
+files of the whole job: after an interrupted run, ``frames`` lists fewer.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from lookdev.safe_text import TextError, parse_json, read_text
 
 NAME = "manifest.json"
 FORMAT = 1
-"""The number of the format of manifests, which is written into each and checked when it is read."""
+"""The number of the format of manifests; each manifest has it, and `read_manifest` accepts no other number."""
 
 STATE_FOLDER = ".lookdev"
 """Folder inside the output folder with files about runs: claims of frames, logs, ledgers and temporary files."""
 
 FileState = Literal["missing", "changed", "unlisted"]
-_MAX_BYTES = 1 << 30  # bytes: 250000 frames of 2 KiB fit
+_MAX_BYTES = 1 << 30  # largest size of a manifest, in bytes: 250000 frames of 2 KiB fit
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """The writers of movies of turntables, by PyAV: H.264 for browsers and players, ProRes 4444 and VP9 with alpha.
 
 Pictures are converted to Y'CbCr of BT.709, limited range (ITU-R BT.709-6, items 3.2 to 3.4), in float32 and rounded
-once. H.264 and VP9 here have chroma at half the resolution. Its samples are at the positions that these codecs assume:
-on the left column of two, between two rows. A frame of odd size first gets a copy of its last column or row. Encoders
-run with a fixed number of threads, and containers have no time and no random number, so that the same frames give the
-same bytes.
+once. H.264 and VP9 here have chroma at half the resolution. A chroma sample is at the position that these codecs
+assume: on the left of two columns, between two rows. A frame of odd size first gets a copy of its last column or row.
+Encoders run with a fixed number of threads, and containers have no time and no random number, so that the same frames
+give the same bytes.
 """
 
 from __future__ import annotations
@@ -30,16 +30,18 @@ from lookdev.output.slate import draw_slate
 _KR, _KB = 0.2126, 0.0722  # weights of red and blue in luma: BT.709-6, item 3.2
 # The number of BT.709 in ITU-T H.273, for primaries, transfer and matrix; and FFmpeg's number of limited range.
 _BT709, _LIMITED = 1, 1
-_THREADS = 4  # of an encoder
+_THREADS = 4  # threads of an encoder
 _PAGE_WIDTH = 1920  # approximate width of a page of all looks side by side, in pixels
 
 
 @dataclass(frozen=True)
 class Codec:
-    """The encoding of a movie: FFmpeg's names of the encoder, the container and the format of pixels, and options.
+    """The encoding of a movie.
 
-    `bits` is the number of bits of a sample. If the codec `halves_chroma`, chroma has half the resolution in both
-    directions. If it has `alpha`, pictures have a fourth channel.
+    `encoder`, `container` and `pixels` are FFmpeg's names of the encoder, the container and the format of pixels.
+    `options` and `container_options` are options of the encoder and of the container. `bits` is the number of bits of a
+    sample. If the codec `halves_chroma`, chroma has half the resolution in both directions. If it has `alpha`, pictures
+    have a fourth channel.
     """
 
     encoder: str

@@ -105,7 +105,7 @@ class Output:
 
 
 def write_picture(path: Path, frames: FrameSequence) -> None:
-    """Write the frame of a sequence of one as PNG."""
+    """Write the only frame of a sequence as PNG."""
     write_pixels(path, *frames.pictures())
 
 

@@ -16,17 +16,17 @@ from lookdev.output.display import to_display, write_pixels
 from lookdev.output.record import FrameSequence
 from lookdev.output.slate import write_text
 
-PAGE_GREY = 46  # sRGB code values of greys: of the page, dark, and of text
+PAGE_GREY = 46  # sRGB code values: the dark grey of the page, and the greys of text
 LABEL_GREY = 190
 TITLE_GREY = 235
-PAGE_ASPECT = 1.6  # width of a page by its height, approximately
+PAGE_ASPECT = 1.6  # width of a page, divided by its height, approximately
 SRGB_GAMMA = 2.2  # close enough to the sRGB curve to average pixels
 
 SOURCE_SIZE = 512
 """Approximate longer side in pixels to which larger frames are averaged before they go on a sheet."""
 
 OVERVIEW_CELLS = (128, 256)
-"""Smallest and largest longer side, in pixels, of a frame on an overview or a grid.
+"""The smallest and the largest size of a frame on an overview or a grid: its longer side, in pixels.
 
 Smaller frames are enlarged, to make room for the names below them.
 """
@@ -67,8 +67,7 @@ def sheet_page(
 
     It has a thumbnail of each frame, (H, W, 3) display pixels, with a label below, and the title at the top. `columns`
     is the number of frames in a row; None gives a page of about 16:10. `cell` is the longer side of a thumbnail in
-    pixels. Raises OutputError where there is no frame, frames differ in size, or the number of labels is not that of
-    frames.
+    pixels. Raises OutputError where there is no frame, frames differ in size, or there is not one label for each frame.
     """
     if not frames or len(labels) != len(frames):
         counts = f"{len(frames)} frames and {len(labels)} labels"

@@ -16,9 +16,9 @@ from lookdev.arrays import Floats32
 from lookdev.errors import OutputError, replace_controls
 from lookdev.output.exr import read_header
 
-_LINES_PER_FRAME = 30  # the height of a frame by the size of text, which is 16 pixels in a frame of 480
+_LINES_PER_FRAME = 30  # the height of a frame, divided by the size of text: 16 pixels in a frame of 480
 _MIN_TEXT_SIZE = 8  # pixels
-_BAND_FACTOR = np.float32(0.35)  # by which a band darkens the picture behind text
+_BAND_FACTOR = np.float32(0.35)  # factor of the picture behind the text on a band
 _INK = np.float32(0.92)  # code value of burned-in text
 _PAGE = np.float32(0.12)  # code value of a slate's page
 
@@ -83,9 +83,9 @@ def draw_slate(
 ) -> Floats32:
     """Return the opaque page, (H, W, channels), that precedes a movie; `size` is (H, W).
 
-    `files` are the EXRs of all frames, from whose headers the page has its facts. `title` is a name of their contents,
-    and `rate` is in frames a second. The page states the largest error of all frames. Raises OutputError where a header
-    cannot be read.
+    `files` are the EXRs of all frames; their headers have the facts that the page shows. `title` is a name of their
+    contents, and `rate` is in frames a second. The page states the largest error of all frames. Raises OutputError
+    where a header cannot be read.
     """
     headers = [read_header(file) for file in files]
     worst = max(headers, key=lambda header: float(header["relmse"]))

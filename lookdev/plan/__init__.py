@@ -1,4 +1,4 @@
-"""Plans: the frames of a job, and the state of their files on disk, from which follows what is rendered.
+"""Plans: the frames of a job, and the state of their files on disk, which determines what is rendered.
 
 A *setup* is a look under a light. A frame is a setup in a pose, and has a digest of everything that affects its pixels.
 """

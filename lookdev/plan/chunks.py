@@ -1,4 +1,4 @@
-"""Division of a plan into chunks (parts), of which each is rendered by one process, for ``lookdev render --chunk``.
+"""Division of a plan into chunks (parts) for ``lookdev render --chunk``; one process renders each chunk.
 
 A chunk is a run of consecutive frames of the plan. The plan has its frames scene by scene, so that few scenes are in
 several chunks. Each frame is in exactly one chunk, whether it is done or not, so that processes that start at different
@@ -22,7 +22,7 @@ MAX_CHUNKS = 100_000
 """The maximum number of parts of a division."""
 
 _MIN_COST = 1 / 32
-"""The minimum cost of the last parts, relative to that of the first."""
+"""The minimum cost of the last parts, relative to the cost of the first part."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Division:
     """A division into `count` parts: of equal cost if `machines` is 0, otherwise in rounds of one part per machine.
 
     In each round the parts cost half as much as in the round before (Hummel et al. 1992, section 3). The small parts at
-    the end compensate for errors in the estimated costs of the large ones. With more than six rounds, the cost falls
+    the end compensate for errors in the estimated costs of the large parts. With more than six rounds, the cost falls
     more slowly.
     """
 
@@ -57,7 +57,7 @@ class Division:
 
     @property
     def weights(self) -> tuple[float, ...]:
-        """The cost of each part, relative to that of the first."""
+        """The cost of each part, relative to the cost of the first part."""
         machines = self.machines or self.count
         fall = max(0.5, _MIN_COST ** (1.0 / max(-(-self.count // machines) - 1, 1)))
         return tuple(fall ** (number // machines) for number in range(self.count))
@@ -98,7 +98,7 @@ class Costs:
 
 
 def split_frames(scenes: Sequence[object], costs: Costs, division: Division) -> tuple[int, ...]:
-    """Return the end of each part of a division: the index of the frame after its last one.
+    """Return the end of each part of a division: the index of the frame after the part's last frame.
 
     The division minimizes the maximum, over the parts, of the cost divided by the weight (`Division.weights`). `scenes`
     has the scene of each frame; the frames of a scene are consecutive. A part that begins within a scene has the cost

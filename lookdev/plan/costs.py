@@ -13,14 +13,14 @@ from lookdev.plan.chunks import Costs
 from lookdev.plan.plan import Plan
 from lookdev.rendering.task import SceneTask
 
-# These times are those of two cores; only their ratios matter. tests/bench/farm_costs.py measures them.
+# These times are for two cores; only their ratios matter. tests/bench/farm_costs.py measures them.
 _USUAL_SAMPLES = 256  # the typical number of samples per pixel of a frame with a target error
 _SAMPLE = 1e-6  # seconds for one sample of one pixel without bounces
 _BOUNCE = 0.5  # the cost of a bounce, relative to such a sample
 _FRAME = 0.15  # seconds of a frame that do not depend on its samples
 _DIRECTIONS = 8  # the typical number of directions at a shading point, from the BSDF and from the light together
 _SHARED = 0.25  # the share of a sample's cost that does not depend on the number of directions
-_TRANSMITTING = 1.8  # the cost of a look that transmits, whose paths go on inside, relative to one that only reflects
+_TRANSMITTING = 1.8  # the cost of a look that transmits, relative to a reflecting look: paths go on inside
 SCENE_SECONDS = 1.3
 """The time to prepare a scene."""
 START_SECONDS = 4.0

@@ -1,4 +1,4 @@
-"""Digests of everything that affects the pixels of a frame; it is rendered again if and only if its digest changes."""
+"""Digests of all inputs of a frame's pixels; a frame is rendered again if and only if its digest changes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def pose_digest(pose: Pose) -> str:
 def scene_digests(scene: SceneTask, exposure: float) -> dict[str, str]:
     """Return the digest of each part except ``pose``; all frames of a scene share them.
 
-    `exposure` is that of the light, in stops.
+    `exposure` is the exposure of the light, in stops.
     """
     sampling = asdict(scene.sampling)
     if scene.sampling.passes:

@@ -101,8 +101,9 @@ class Charts:
 class Plan:
     """The plan of a job: its frames in the order of the setups, and their files.
 
-    `frame_suffixes` has the suffixes of the pictures that each frame has beside its EXR. `charts` maps each file of a
-    look to the file of the reference props that are composited over it. The frames of the props come first in `frames`.
+    `reels` has a reel for each turntable of each setup, without the reference props. `frame_suffixes` has the suffixes
+    of the pictures that each frame has beside its EXR. `charts` maps each file of a look to the file of the reference
+    props that are composited over it. The frames of the props come first in `frames`.
     """
 
     frames: tuple[PlannedFrame, ...]
@@ -146,7 +147,7 @@ class Plan:
     def copies(self) -> tuple[Copy, ...]:
         """Return the files to copy from a done file of the same frame.
 
-        There are some after a turntable was added, or a run was killed between two files of a frame.
+        There are such files after a turntable was added, or after a run was killed between two files of a frame.
         """
         return tuple(
             Copy(source, file.path)
@@ -301,7 +302,7 @@ def _done_path(files: tuple[PlannedFile, ...]) -> Path | None:
 
 
 def _due_pictures(frames: tuple[PlannedFrame, ...], suffixes: Sequence[str]) -> Iterator[Path]:
-    """Yield the pictures of frames with a done file that are missing or out of date."""
+    """Yield the missing and the outdated pictures of the frames that have a done file."""
     for frame in frames:
         if _done_path(frame.files) is not None:
             for file in frame.files:

@@ -32,7 +32,7 @@ def canonical_pose(pose: Pose, asset: bool, light: bool) -> Pose:
     """Return the pose that is rendered in place of all poses that show the same picture.
 
     `asset` and `light` are whether the asset and the light look the same all around; their angles are then set to 0.
-    The angle of the light is relative to the camera, and does not depend on that of the asset.
+    The angle of the light is relative to the camera, and does not depend on the angle of the asset.
     """
     if not (asset or light):
         return pose

@@ -73,8 +73,8 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Plan
     def prepare_card(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
             with suppress(LookdevError):  # `make_setups` reports the same error
-                # The built-in plane is marked as convex, and renders without bounces. The card is not, so that its
-                # shader has the bounces of the job.
+                # The built-in plane is marked as convex, and renders without bounces. The card is not marked as convex,
+                # so that its shader has the bounces of the job.
                 plane = load_asset(builtin="plane")
                 card = make_asset("card", plane.meshes, plane.instances, plane.slots)
                 scene = Scene.of_look(card, look, lights[0], job.render.resolution)
@@ -125,7 +125,7 @@ def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
     job, findings = scenes.job, Findings(scenes.job)
     rigs = {rig.name: rig for rig in job.rigs}
     props_sampling = replace(job.render.sampling, passes=(), denoise="off")
-    # For each setup: the names of look and rig, the scene, the sampling, and the key of the job for its faults.
+    # For each setup: the names of look and rig, the scene, the sampling, and the key of the job that its faults name.
     requests = [(PROPS_FOLDER, name, scene, props_sampling, "charts") for name, scene in scenes.charts.items()]
     for (look, name), scene in scenes.scenes.items():
         requests.append((look, name, scene, job.render.sampling, scenes.look_keys[look]))
@@ -151,7 +151,7 @@ def make_setups(scenes: JobScenes, tasks: SceneTasks) -> JobSetups:
 
 
 def _share_programs(setups: Sequence[Setup]) -> Iterator[Setup]:
-    """Yield the setups with equal programs of their shaders replaced by one; the pictures stay the same."""
+    """Yield the setups; shaders with equal programs share one program afterwards, and the pictures stay the same."""
     shaders = [shader for setup in setups for shader in setup.task.shaders]
     shared = shared_programs(shader for shader in shaders if isinstance(shader, ShaderSource))
     for setup in setups:

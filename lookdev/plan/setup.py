@@ -28,15 +28,16 @@ from lookdev.scene import Pose, Sampling, Scene
 class Setup:
     """A look under a light, ready to be rendered.
 
-    `look` and `ibl` are their names, which are the folders of the frames. `ibl` can also be the name of a rig.
+    `look` and `ibl` are the names of the look and the light, which are the folders of the frames. `ibl` can also be the
+    name of a rig. `task` is the scene as a backend renders it, with the generated sources.
     """
 
     look: str
     ibl: str
     scene: Scene
     task: SceneTask
-    requested: Sampling  # the sampling of the job; that of the task may have fewer bounces
-    is_rotation_invariant: bool = False  # whether the asset looks the same at all angles, which are then one frame
+    requested: Sampling  # the sampling of the job; the sampling of the task may have fewer bounces
+    is_rotation_invariant: bool = False  # whether the asset looks the same at all angles: one frame then shows all
     exposure: float = 0.0  # of the light, in stops
     rotation: float = 0.0  # of the light, in degrees: added to its angle in every pose
 

@@ -13,7 +13,7 @@ from lookdev.scene import Sampling
 
 @dataclass(frozen=True)
 class Skip:
-    """Work that is left out for a look under a light, and the reason why no pixel changes."""
+    """Work (`what`) that is left out for a look under a light, and the reason (`why`) why no pixel changes."""
 
     look: str
     ibl: str
@@ -38,8 +38,8 @@ def scene_skips(
 ) -> Iterator[tuple[str, str]]:
     """Yield the work that a scene leaves out, each with its cause.
 
-    `looks` has the look of each slot, and `requested` is the sampling of the job. `lights` is the number of lights of
-    the job's scene, of which those that reach no part may have been dropped; None if none were dropped.
+    `looks` has the look of each slot, and `requested` is the sampling of the job. `lights` is the number of lights
+    before lights that reach no part were dropped; None if none were dropped.
     """
     if lights is not None and (idle := lights - len(scene.lights)):
         yield ("1 light", "reaches no part") if idle == 1 else (f"{idle} lights", "reach no part")

@@ -5,8 +5,8 @@ plots. `draw` returns a `Plot` of subjects: a matplotlib figure and its numbers,
 All numbers are computed by the float64 models.
 
 In this package, f is the BSDF, `wo` and `wi` are unit directions to the viewer and to the light, in a frame whose z is
-the normal, and theta and phi are polar angle and azimuth in it. theta_h and theta_d, phi_d are the angles of the half
-vector and of the difference vector (Rusinkiewicz 1998).
+the normal, and theta and phi are polar angle and azimuth in this frame. theta_h is the polar angle of the half vector;
+theta_d and phi_d are the angles of the difference vector (Rusinkiewicz 1998).
 """
 
 from lookdev.plotting.figure import PLOT_SUFFIXES, Plot

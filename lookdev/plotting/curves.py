@@ -1,8 +1,9 @@
 """Plots of the BSDF f or of the albedo over one angle: cartesian, polar, retro, Fresnel and albedo.
 
-Each kind has a function that plots surfaces, and one that returns the values of one surface. `wo` and `wi` are unit
-directions to the viewer and to the light. theta_h, and theta_d and phi_d, are the angles of their half vector and of
-their difference vector (Rusinkiewicz 1998); theta_o and theta_i are those of `wo` and `wi` to the normal.
+Each kind has a function that plots surfaces, and a function that returns the values of one surface. `wo` and `wi` are
+unit directions to the viewer and to the light. theta_h is the polar angle of their half vector; theta_d and phi_d are
+the angles of their difference vector (Rusinkiewicz 1998); theta_o and theta_i are the angles of `wo` and `wi` to the
+normal.
 """
 
 from __future__ import annotations
@@ -157,7 +158,7 @@ def plot_fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     else:
         columns["schlick"] = values["schlick"]
         ax.plot(degrees, columns["schlick"], color="black", linestyle="--", linewidth=1.2, label="Schlick's curve")
-        # Beyond 80 degrees f of a microfacet model grows without bound; the axis ends as that of Burley's figure does.
+        # Beyond 80 degrees f of a microfacet model grows without bound; the axis ends where Burley's does.
         ax.set(xlabel="θd (degrees)", ylabel="offset and scaled f", ylim=FRESNEL_RANGE)
         ax.set_title("Fresnel response, mean over θh from 1° to 4°")
     draw_legend(ax)
@@ -167,7 +168,7 @@ def plot_fresnel(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
 def fresnel_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
     """Return the curve ``f`` (n, 3) of `plot_fresnel` at the angles ``x`` (n,) in degrees.
 
-    Unless it is a reflectance, ``schlick`` (n,) is Schlick's curve.
+    ``schlick`` (n,) is Schlick's curve; it is left out if ``f`` is a reflectance.
     """
     degrees = np.linspace(0.0, options.limit, options.size or 361)
     theta = np.radians(np.minimum(degrees, 90.0 - _HORIZON_MARGIN))
@@ -181,8 +182,8 @@ def fresnel_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
 def plot_albedo(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
     """Plot the directional albedo, for light from both sides, against theta_o, with its error.
 
-    The error is that of the quadrature (`lookdev.reference.albedo.integrate_albedo`). It is drawn as a band around the
-    curve, which is mostly too thin to see, and the numbers of the plot contain it.
+    The error of the quadrature (`lookdev.reference.albedo.integrate_albedo`) is drawn as a band around the curve. The
+    band is mostly too thin to see; the numbers of the plot contain the error, too.
     """
     figure, ax, surface_values, columns = _draw_subjects(subjects, options, albedo_values, marker=".")
     degrees = surface_values[0]["x"]
@@ -219,7 +220,7 @@ def _draw_subjects(
     values: Callable[[PlotSubject, PlotOptions], PlotValues],
     marker: str = "None",
 ) -> tuple[Figure, Axes, list[PlotValues], dict[str, Floats]]:
-    """Draw the curves of surfaces, whose values `values` returns.
+    """Draw the curves of surfaces; `values` returns the values of a surface.
 
     Returns the figure, its axes, the values of each surface, and the values of the curves as columns.
     """
@@ -249,7 +250,7 @@ def evaluate_f(subject: PlotSubject, wo: Floats, wi: Floats, cosine: bool) -> Fl
 def _evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     """Return exactly the values of `evaluate`, faster for many directions.
 
-    They are computed in parts that fit into a processor's cache, on all of its cores.
+    The values are computed in parts that fit into a processor's cache, on all of its cores.
     """
     count = wo.size // 3
     if count <= PART_SIZE:
@@ -290,9 +291,9 @@ def _mean_over_theta_h(subject: PlotSubject, theta_d: Floats, phi_d: float) -> F
 
 
 def _offset_and_scale(f: Floats, degrees: Floats) -> Floats:
-    """Return curves `f` (n, channels), offset to 0 at their first point, and divided by their mean after that.
+    """Return curves `f` (n, channels), offset to 0 at their first point, and then divided by their mean.
 
-    The mean is over the points whose `degrees` (n,) are from 45 to 80. Constant curves become 0.
+    The mean is over the offset points whose `degrees` (n,) are from 45 to 80. Constant curves become 0.
     """
     offset = f - f[:1]
     within = (degrees >= 45.0) & (degrees <= 80.0)

@@ -151,8 +151,8 @@ def draw_curves(
 def scale_values(axes: Axes, options: PlotOptions, inner: Bools) -> None:
     """Set the scales of axes by the options, and their limits by the values of the curves.
 
-    Only the values count where `inner` (n,) is true: near the horizon, some models grow without bound. A log axis shows
-    at most eight decades.
+    Only values where `inner` (n,) is true count: near the horizon, some models grow without bound. A log axis shows at
+    most eight decades.
     """
     values = np.concatenate([np.asarray(line.get_ydata(), np.float64)[inner] for line in axes.lines if inner.any()])
     high = float(values.max(initial=0.0)) or 1.0
@@ -180,7 +180,8 @@ def draw_legend(axes: Axes) -> None:
 def encode_srgb(values: Floats, options: PlotOptions) -> Floats:
     """Convert values (..., 3) from linear Rec.709 to sRGB in [0, 1] (IEC 61966-2-1).
 
-    They are first divided by their largest channel if `options.chroma` is true, and then brightened by the exposure.
+    The values are first divided by their largest channel if `options.chroma` is true, and then brightened by the
+    exposure.
     """
     if options.chroma:
         values = values / np.maximum(values.max(axis=-1, keepdims=True), 1e-300)

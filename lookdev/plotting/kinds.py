@@ -18,8 +18,8 @@ class PlotKind:
     """A kind of plot: a description, the function that draws it, its options, and its largest number of surfaces.
 
     `values` returns the numbers of one surface, for the Explorer, which draws them itself. For the kind ``difference``,
-    these are the slice of the surface. If `values` is too slow for interaction, `draft` returns coarser numbers.
-    `option_names` are the fields of `PlotOptions` that the kind uses.
+    these numbers are the slice of the surface. If `values` is too slow for interaction, `draft` returns coarser
+    numbers. `option_names` are the fields of `PlotOptions` that the kind uses.
     """
 
     description: str
@@ -103,7 +103,7 @@ def kind_named(name: str) -> PlotKind:
 
 
 def draw(name: str, subjects: Sequence[PlotSubject], options: PlotOptions = PlotOptions()) -> Plot:  # noqa: B008
-    """Return a plot of surfaces; `name` is that of a kind.
+    """Return a plot of surfaces; `name` is the name of a kind.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Pictures of the BSDF f over theta_h and theta_d: image slices, and the difference of two (Burley 2012, section 3.3).
 
-theta_h, and theta_d and phi_d, are the angles of the half vector and of the difference vector of the directions `wo` to
-the viewer and `wi` to the light (Rusinkiewicz 1998).
+`wo` and `wi` are unit directions to the viewer and to the light. theta_h is the polar angle of their half vector;
+theta_d and phi_d are the angles of their difference vector (Rusinkiewicz 1998).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from lookdev.plotting.figure import (
 from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
-_PIXELS = 256  # along a side of a slice
+_PIXELS = 256  # pixels along a side of a slice
 # Texts on a slice: horizontal and vertical position in [0, 1], text, rotation in degrees, and both alignments.
 _MARKS = (
     (0.03, 0.5, "specular peak", 90, "center", "center"),
@@ -69,9 +69,10 @@ def slice_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
 
 
 def plot_difference(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot:
-    """Plot the slices of two surfaces, and the cube root of the second's luminance minus that of the first's.
+    """Plot the slices of two surfaces, and the difference of the cube roots of their luminances, second minus first.
 
-    Differences of cube roots are about proportional to visible ones; Ngan et al. 2005, section 3.2, use them as a loss.
+    Differences of cube roots are about proportional to visible differences; Ngan et al. 2005, section 3.2, use them as
+    a loss.
     """
     if len(subjects) != 2:
         raise LookdevError(f"difference: {len(subjects)} given; two would be right")

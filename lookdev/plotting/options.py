@@ -16,15 +16,15 @@ class PlotOptions:
     """Options of a plot; each kind uses some of them (`lookdev.plotting.kinds.PlotKind.option_names`).
 
     theta
-        An angle in degrees from the normal: that of the view, or in a cartesian plot over theta_h or theta_d, the other
-        of these two angles, which is fixed. For spheres, the angle between the view and the light.
+        The angle of the view to the normal, in degrees. In a cartesian plot over theta_h or theta_d, it is the other of
+        these two angles, which is fixed. For spheres, it is the angle between the view and the light.
     phi
-        An azimuth in degrees: phi_d, the azimuth of the difference vector, where f is plotted over theta_h or theta_d;
-        that of the light for spheres, and that of the view elsewhere.
+        The azimuth of the view, in degrees. In plots of f over theta_h or theta_d, it is phi_d, the azimuth of the
+        difference vector. For spheres, it is the azimuth of the light.
     exposure
         Stops by which pictures are brightened.
     scale, angles
-        The scale of the axis of values, one of `SCALES`, and that of the axis of angles, ``"linear"`` or ``"sqrt"``.
+        The scale of the axis of values, one of `SCALES`, and of the axis of angles, ``"linear"`` or ``"sqrt"``.
     axis
         The angle that varies in a cartesian plot, one of `AXES`.
     limit

@@ -81,10 +81,10 @@ def plot_sampling(subjects: Sequence[PlotSubject], options: PlotOptions) -> Plot
 def sampling_values(subject: PlotSubject, options: PlotOptions, draft: bool = False) -> PlotValues:
     """Return the numbers of a plot of sampling, for the view of the options; a draft is coarser.
 
-    ``pdf`` and ``value`` (n, 2n), the luminance of f times the cosine, are at cosines ``cos`` (n,) and azimuths ``phi``
-    (2n,) of the light. ``counts`` (bins,) and ``edges`` (bins + 1,) are the histogram of the samples' weights. ``test``
-    has seven numbers: the mean of the weights, its standard error, the largest weight, and the fields of `ChiSquare` in
-    their order.
+    ``value`` is the luminance of f times the cosine. ``pdf`` and ``value`` (n, 2n) are for directions to the light with
+    the cosines ``cos`` (n,) and the azimuths ``phi`` (2n,). ``counts`` (bins,) and ``edges`` (bins + 1,) are the
+    histogram of the samples' weights. ``test`` has seven numbers: the mean of the weights, its standard error, the
+    largest weight, and the fields of `ChiSquare` in their order.
     """
     if subject.is_delta:
         raise LookdevError(
@@ -139,8 +139,8 @@ def _sample_weights(bsdf: Bsdf, wo: Floats, samples: int, nodes: int) -> tuple[F
 def chi_square(bsdf: Bsdf, wo: Floats, wi: Floats, samples: int, nodes: int = _NODES) -> ChiSquare:
     """Test whether sampled directions `wi` (n, 3) are distributed as the pdf for a view `wo` (3,).
 
-    `wi` are those of `samples` directions that have a pdf above 0. `nodes` is the number of nodes of Gauss's rule in a
-    cell, along each axis; half as many give the quadrature error.
+    Of `samples` drawn directions, `wi` has the directions with a pdf above 0. `nodes` is the number of nodes of Gauss's
+    rule in a cell, along each axis; half as many give the quadrature error.
     """
     rows, columns = _CELLS
     row = np.minimum((0.5 * (wi[:, 2] + 1.0) * rows).astype(int), rows - 1)
@@ -150,8 +150,8 @@ def chi_square(bsdf: Bsdf, wo: Floats, wi: Floats, samples: int, nodes: int = _N
     coarse, fine = (samples * _cell_probabilities(bsdf, wo, count) for count in (nodes // 2, nodes))
     # The last entry of each is the number of samples without a direction.
     observed, fine = np.append(observed, samples - len(wi)), np.append(fine, max(samples - fine.sum(), 0.0))
-    # Observed and expected numbers. Cells of small expected numbers are merged into one, the last. If its expected
-    # number is still small, it is merged with the cell before it.
+    # `o` and `e` are observed and expected numbers. Cells of small expected numbers are merged into one, the last. If
+    # its expected number is still small, it is merged with the cell before it.
     is_populated = fine >= _MIN_EXPECTED
     o, e = (np.append(counts[is_populated], counts[~is_populated].sum()) for counts in (observed, fine))
     o, e = (o, e) if e[-1] >= _MIN_EXPECTED else (np.append(o[:-2], o[-2:].sum()), np.append(e[:-2], e[-2:].sum()))

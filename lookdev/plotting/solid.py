@@ -30,13 +30,13 @@ from lookdev.plotting.options import PlotOptions
 from lookdev.plotting.subject import PlotSubject
 
 _DECADES = 4.0  # powers of ten that the radius of a lobe shows with a log scale
-_PIXELS = 160  # along a side of the picture of a sphere
+_PIXELS = 160  # pixels along a side of the picture of a sphere
 _DOME = "studio"  # the built-in environment map that lights spheres
 _SAMPLES = 48  # samples of a pixel: this number of the surface, and the same number of the dome
 _RECURRENCE_ROOT = 1.1673039782614187
 """Positive root of x^5 = x + 1: its inverse powers are the steps of the recurrence in 4 dimensions (Roberts 2018).
 
-The recurrence is a sequence of evenly distributed points: each point is the one before it plus the steps, modulo 1.
+The recurrence is a sequence of evenly distributed points: each point is the previous point plus the steps, modulo 1.
 """
 
 
@@ -81,7 +81,7 @@ def lobe_grid(options: PlotOptions) -> tuple[Floats, Floats, Floats]:
 
 
 def lobe_values(subject: PlotSubject, options: PlotOptions) -> PlotValues:
-    """Return the directions ``wi`` to the light of `lobe_grid`, and ``f`` for them, both (n, m, 3)."""
+    """Return directions to the light, ``wi``, at the angles of `lobe_grid`, and ``f`` for them, both (n, m, 3)."""
     theta, phi, view = lobe_grid(options)
     wi = spherical_direction(theta[:, None], phi[None, :])
     return {"wi": wi, "f": evaluate_f(subject, np.broadcast_to(view, wi.shape), wi, options.cosine)}
@@ -146,7 +146,7 @@ def _radiance_under_dome(subject: PlotSubject, wo: Floats, frame: Floats) -> Flo
     step = (1.0 / _RECURRENCE_ROOT ** np.arange(1.0, 5.0)) % 1.0
     total = np.zeros(wo.shape)
     origin = np.zeros(wo.shape)
-    # The same vectors in the axes of the dome, whose up axis is z; that of the picture is y.
+    # The same vectors in the axes of the dome, whose up axis is z; the up axis of the picture is y.
     dome_frame = frame[..., [0, 2, 1]] * (1.0, -1.0, 1.0)
 
     def to_dome(wi: Floats) -> Floats:
@@ -174,7 +174,7 @@ def _radiance_under_dome(subject: PlotSubject, wo: Floats, frame: Floats) -> Flo
 
 
 def _graded_grid(low: float, high: float, centre: float, count: int) -> Floats:
-    """Return about `count` increasing numbers from low to high: a third evenly spaced, others dense near `centre`."""
+    """Return about `count` increasing numbers from low to high: a third evenly spaced, the rest dense near `centre`."""
     even = np.linspace(low, high, max(count // 3, 2))
     graded = centre + 0.5 * (high - low) * np.linspace(-1.0, 1.0, count - len(even)) ** 3
     return np.asarray(np.unique(np.clip(np.concatenate([even, graded]), low, high)))

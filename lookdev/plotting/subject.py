@@ -1,9 +1,9 @@
 """Subjects of plots: a subject is a surface with a BSDF and a label, which an argument of the command line describes.
 
 Functions call this argument `words`. ``disney:roughness=.3,baseColor=.8/.2/.1`` is a model with parameters, and
-``red_plastic:roughness=.1`` a preset with one. ``look.usda:2`` is a layer of a look, ``look.usda@.5,.25`` its stack of
-layers at texture coordinates, and ``look.usda#/Paint`` one of the materials in its file. Any other file is measured
-data. ``label=`` before any of these replaces the label in the legend.
+``red_plastic:roughness=.1`` is a preset with a parameter. ``look.usda:2`` is a layer of a look, ``look.usda@.5,.25``
+its stack of layers at texture coordinates, and ``look.usda#/Paint`` one of the materials in its file. Any other file is
+measured data. ``label=`` before any of these replaces the label in the legend.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from lookdev.material.points import SinglePoint
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_layers
 
-# A label ends at the first "=". A further "=", which is that of a parameter, must follow one of ":@#/.".
+# A label ends at the first "=". A further "=" belongs to a parameter, and must follow one of ":@#/.".
 _LABEL = re.compile(r"([^=:@#/]+)=(?=[^=:@#/]*(?:[:@#/.]|$))(.+)", re.DOTALL)
 LOOK_PATTERN = re.compile(
     rf"(?P<file>.+?(?:{'|'.join(map(re.escape, LOOK_SUFFIXES))}))"
@@ -43,8 +43,8 @@ class PlotSubject:
     """A surface to plot: a label, its BSDF, and its layers, base first.
 
     `is_view_independent` is whether the parameters of the layers are the same for every view; if they are not, `layers`
-    has those for a view along the normal. `evaluate_fast`, if there is one, returns the values (n, 3) of the BSDF for
-    directions `wo` and `wi` (n, 3).
+    has the layers for a view along the normal. `evaluate_fast`, if there is one, returns the values (n, 3) of the BSDF
+    for directions `wo` and `wi` (n, 3).
     """
 
     label: str
@@ -73,7 +73,7 @@ class PlotSubject:
 
 
 LocateFile = Callable[[str], Path]
-"""A function that returns the path of a file named in words; it raises LookdevError if the file must not be read."""
+"""A function that returns the path of a file that words name; it raises LookdevError if it must not be read."""
 
 
 def read_subject(words: str, library: Path | None = None, locate: LocateFile = Path) -> PlotSubject:
@@ -163,7 +163,7 @@ def read_parameters(words: str, model: Model, text: str, locate: LocateFile = Pa
 
 
 def _parse_value(words: str, kind: str, name: str, text: str) -> ParameterValue:
-    """Parse the value of a parameter of a kind; `words` and `name` are for messages."""
+    """Parse a parameter's value by the parameter's `kind`; `words` and `name` are for messages."""
     if kind == "token":
         return text
     try:
@@ -201,7 +201,7 @@ def _look_subject(
 ) -> PlotSubject:
     """Return the subject of a look, or of one of its layers, from the groups of `LOOK_PATTERN`.
 
-    `file` is the path of the file that the words name `file_text`.
+    `file_text` is the name of the file in the words, and `file` is its path.
     """
     look = read_look(file, prim)
     uv = _parse_uv(words, uv_text)
@@ -232,11 +232,11 @@ def _look_subject(
 def _layers_at(look: Look, uv: tuple[float, float], cosine: Floats, is_squeezed: bool = True) -> list[StackLayer]:
     """Return the layers of a look at texture coordinates, for views with the cosines (n,) to the normal.
 
-    If the layers are squeezed, for a single view, their values lose the axis of views.
+    With `is_squeezed`, which needs a single view, the values lose the axis of views.
     """
 
     def squeeze(value: Real) -> Real:
-        """Return a value without its first axis if that has one entry."""
+        """Return a value without its first axis if this axis has one entry."""
         return np.squeeze(np.asarray(value), 0) if np.ndim(value) and np.shape(value)[0] == 1 else value
 
     layers = look_layers(look, SinglePoint(cosine, uv))

@@ -1,4 +1,4 @@
-"""Directional albedo: the share of uniform light from each side of a surface that it scatters to a viewer.
+"""Directional albedo: the share of uniform light from a side of a surface that the surface scatters to a viewer.
 
 There are two independent estimators. One is importance sampling by the BSDF. The other is a quadrature, which uses
 neither the BSDF's sampling nor its pdf, only its values. Light that passes where the surface is absent is not included.
@@ -96,7 +96,7 @@ def _refract_view(lobe: Lobe, view: Floats) -> Floats:
     """Return the view (3,) whose mirror direction is the middle of a lobe; only transmitting lobes change it.
 
     The grid of half vectors is dense about this mirror direction. The middle of a transmitting lobe is estimated from
-    256 samples of it: refraction bends it away from the mirror direction of the original view.
+    256 samples of the lobe: refraction bends the middle away from the mirror direction of the original view.
     """
     if not lobe.transmits:
         return view

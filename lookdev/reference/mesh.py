@@ -1,8 +1,9 @@
 """An asset as triangles for the reference renderer, which traces rays against them.
 
 Embree finds the triangle that a ray hits in float32; the point of the hit is computed in float64. Polygons are split as
-in Cycles: a quad along the diagonal from its first corner, unless that lies outside the quad. Attributes of corners are
-interpolated linearly over a triangle. A ray that leaves a triangle never hits the same triangle, whatever the rounding.
+in Cycles: a quad along the diagonal from its first corner, unless this diagonal lies outside the quad. Attributes of
+corners are interpolated linearly over a triangle. A ray that leaves a triangle never hits the same triangle, whatever
+the rounding.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class MeshScene:
         looks
             The look of each slot.
         lights_of_slot
-            For each slot, the numbers of the lights that light it. None: all lights light all slots.
+            For each slot, the numbers of the lights that illuminate it. None: all lights illuminate all slots.
         groups
             For each slot, its group, by which a light's shadow can exclude parts. Empty: all slots are in group 0.
         shadows
@@ -74,7 +75,7 @@ class MeshScene:
         first_corner = np.cumsum([0, *(len(mesh.corner_points) for mesh in asset.meshes)])
         triangulations = [corner_triangles(mesh) for mesh in asset.meshes]
         # For each instance, arrays over its triangles: the positions of the corners (3, 3), the numbers of the corners
-        # among those of all meshes (3,), the number of the instance, and the slot.
+        # among the corners of all meshes (3,), the number of the instance, and the slot.
         parts = []
         for number, instance in enumerate(asset.instances):
             mesh, (triangles, faces) = asset.meshes[instance.mesh], triangulations[instance.mesh]
@@ -99,7 +100,8 @@ class MeshScene:
         self._normals = np.concatenate([mesh.normals for mesh in asset.meshes]).astype(np.float64)
         self._tangents = np.concatenate(tangents_of(asset.meshes)).astype(np.float64)
         self._corner_values: dict[object, Floats] = {}
-        # By the groups that are left out. Embree computes in float32, so positions are moved to the origin and scaled.
+        # By the groups that an occluder leaves out. Embree computes in float32, so positions are moved to the origin
+        # and scaled.
         self._occluders: dict[tuple[int, ...], _Occluder] = {
             (): _Occluder.build(self._normalize(self._positions), np.arange(len(self._positions)))
         }
@@ -128,7 +130,7 @@ class MeshScene:
         return self._interpolate_corners(self._positions[hits["triangle"]], hits)
 
     def is_reached_by(self, hits: MeshHits, light: int) -> Bools | None:
-        """Return a mask (N,) of the hits that the light with a number lights, or None if all lights light all slots."""
+        """Return a mask (N,) of the hits that light number `light` illuminates; None if all lights reach all slots."""
         if self._lights_of_slot is None:
             return None
         is_slot_lit: Bools = np.array([light in lights for lights in self._lights_of_slot])
@@ -207,7 +209,7 @@ class MeshScene:
     def _trace(
         self, occluder: _Occluder, origin: Floats, start: Floats32, direction: Floats, leaving: Ints
     ) -> tuple[Bools, MeshHits]:
-        """Trace rays to the first triangle other than the one that they leave.
+        """Trace rays to the first triangle other than the triangle that they leave.
 
         `leaving` (N,) is the number of that triangle, or -1. `start` is the normalized origin of the rays in float32.
         Returns a mask (N,) of the rays that hit, and the hits.
@@ -236,7 +238,7 @@ class MeshScene:
         p, q = np.cross(direction, edge2), np.cross(start, edge1)
         determinant = _dot(edge1, p)
         # The determinant is 0 if the ray is in the plane of the triangle. In float64 a ray can miss the triangle that
-        # Embree has found in float32; the clipped weights are then those of a point at its edge.
+        # Embree has found in float32; the clipped weights are then the weights of a point at its edge.
         inverse = 1.0 / np.where(determinant == 0.0, 1.0, determinant)
         w1 = np.clip(_dot(start, p) * inverse, 0.0, 1.0)
         w2 = np.clip(_dot(direction, q) * inverse, 0.0, 1.0 - w1)
@@ -245,7 +247,10 @@ class MeshScene:
 
 @dataclass(frozen=True)
 class _Occluder:
-    """Some of the triangles as a scene of Embree, and their numbers among all triangles, with -1 at the end."""
+    """Some of the triangles, as a scene of Embree.
+
+    `numbers` has their numbers among all triangles, and -1 at the end: Embree's index -1, for no hit, selects this -1.
+    """
 
     embree: EmbreeScene
     numbers: Ints

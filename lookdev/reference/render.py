@@ -3,8 +3,8 @@
 The integral over the area of a pixel and over directions is estimated by randomised quasi-Monte Carlo. Each pixel has
 several independently scrambled Sobol sets, whose spread gives the standard error. At each depth of a path, BSDF and
 lights are sampled, and combined by multiple importance sampling with the balance heuristic. Each light has its own
-samples, which are weighted against those of the BSDF only. The asset occludes a light that is behind it; lights occlude
-nothing.
+samples, which are weighted against the samples of the BSDF only. The asset occludes a light that is behind it; lights
+occlude nothing.
 
 A surface that transmits is thin and looks the same from both sides. A path that hits the scene again continues from
 there, up to `bounces` times. A blocked sample of a light contributes nothing.
@@ -58,7 +58,7 @@ class ReferenceScene(Protocol):
     def trace_onward(self, hits: Hits, direction: Floats, excluded_groups: tuple[int, ...] = ()) -> tuple[Bools, Hits]:
         """Return a mask (N,) of the rays leaving `hits` that hit the scene again, and the new hits.
 
-        Rays pass through the parts in `excluded_groups`: those that a light's shadow excludes
+        Rays pass through the parts in `excluded_groups`. These are the parts that a light's shadow excludes
         (`Emission.shadow_excluded`).
         """
 
@@ -75,13 +75,13 @@ class ReferenceScene(Protocol):
         """Return a mask (N,) of the hits seen from inside: their normals point away from the viewer."""
 
     def is_reached_by(self, hits: Hits, light: int) -> Bools | None:
-        """Return a mask (N,) of the hits that the light with a number lights, or None if it lights all."""
+        """Return a mask (N,) of the hits that light number `light` illuminates; None if it illuminates all hits."""
 
     def bsdfs(self, hits: Hits, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
-        """Yield the indices of the hits that have a common look, and the BSDF at these hits.
+        """Yield, for each look, the indices of the hits with this look, and the BSDF at these hits.
 
-        Each hit is in one of these groups. `view` (N,) has the cosines between the shading normals and the directions
-        to the viewer.
+        Each hit is yielded once. `view` (N,) has the cosines between the shading normals and the directions to the
+        viewer.
         """
 
 
@@ -135,7 +135,7 @@ def frame_pixels(
         is_hit, hits = scene.intersect(origin, ray)
         radiance, is_hidden = np.zeros(ray.shape), np.zeros(len(ray), np.bool_)
         for lamp in visible_lamps:
-            # Such a light hides a surface that is behind it.
+            # A light that the camera sees hides a surface that is behind the light.
             start = np.broadcast_to(origin, ray.shape)
             is_nearer = is_hit & (lamp.light.distance(start, ray) < np.linalg.norm(scene.points(hits) - start, axis=-1))
             radiance[is_nearer] += lamp.light.radiance(start[is_nearer], ray[is_nearer])
@@ -148,7 +148,7 @@ def frame_pixels(
 
 
 def _sobol_points(numbers: Ints, dimensions: int, samples: int, scrambles: int, seed: int) -> Floats:
-    """Return the Sobol points (N, dimensions) of the pixels with some numbers: all points of a set after the other."""
+    """Return the Sobol points (N, dimensions) of the pixels `numbers`, pixel by pixel, and in a pixel set by set."""
     rngs = (np.random.default_rng([seed, number, scramble]) for number in numbers for scramble in range(scrambles))
     return np.concatenate([qmc.Sobol(dimensions, rng=rng).random(samples) for rng in rngs])
 
@@ -204,7 +204,7 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
     throughput = np.ones(ray.shape)
     has_bounced = np.zeros(len(ray), np.bool_)
     start = scene.points(hits)  # of each ray: the point where the path last changed its direction
-    # (lights, N, 3): the share of each light that the surfaces which the ray has passed since `start` occlude there.
+    # (lights, N, 3): the share of each light that is occluded at `start` by the surfaces that the ray has passed since.
     shadowed = np.ones((len(lamps), *ray.shape))
     dimensions = _depth_dimensions(lamps)
     for depth in range(u.shape[1] // dimensions):
@@ -222,7 +222,7 @@ def _trace_paths(scene: ReferenceScene, lamps: Sequence[_Lamp], hits: Hits, ray:
             direct = direct + surface.trace([lamp], _to_local(surface.frame, light_directions)).direct
         total[path] += throughput * direct
 
-        # Where the surface is absent, the ray goes straight on. `has_beyond` are the rays that hit a surface there.
+        # Where the surface is absent, the ray goes straight on. `has_beyond` marks the rays that then hit a surface.
         absent = 1.0 - surface.presence
         has_beyond, beyond_hits = np.zeros(len(ray), np.bool_), hits.copy()
         if len(absent_hits := np.flatnonzero(absent > 0.0)):
@@ -275,12 +275,12 @@ class _TracedRays:
     direction: Floats  # (N, 3)
     direct: Floats  # (N, 3): the contribution of the lights to the estimate, by the balance heuristic
     blocked: Bools  # (N,): the rays that hit another surface
-    hits: Hits  # (N,): these hits
+    hits: Hits  # (N,): the hits on other surfaces
     weight: Floats  # (N, 3): f times the cosine over the density of the BSDF's samples
 
 
 def _choose_rays(alternatives: Sequence[_TracedRays], u: Floats) -> _TracedRays:
-    """Choose for each path one of several rays by u (N,): among those that hit a surface, in proportion to weight."""
+    """Choose by u (N,), for each path, one of several rays that hit a surface, in proportion to their weights."""
     shares = np.stack([np.where(rays.blocked, rays.weight.mean(axis=-1), 0.0) for rays in alternatives])
     ends, total = np.cumsum(shares, axis=0), shares.sum(axis=0)
     number = np.minimum((u * total >= ends).sum(axis=0), len(alternatives) - 1)
@@ -344,7 +344,7 @@ class _Surface:
         return self._trace(lamps, wi, value, density, diffuse)
 
     def trace_delta(self, lamps: Sequence[_Lamp], number: int) -> _TracedRays:
-        """Trace rays along the single directions of the delta term with a number, at hits whose look has this term."""
+        """Trace rays along the directions of the delta term `number`, at hits whose look has this term."""
         wi, value = np.zeros(self.wo.shape), np.zeros(self.wo.shape)
         for part, _, deltas in self.parts:
             if number < len(deltas):
@@ -357,7 +357,7 @@ class _Surface:
         """Trace rays along local directions `wi`, with given values and densities of the BSDF.
 
         `value` (N, 3) is f times the cosine, `diffuse` (N, 3) its diffuse part, and `density` (N,) the pdf. Without
-        `diffuse` the rays are those of a delta term: light samples do not find them, and their response is specular.
+        `diffuse` the rays belong to a delta term: light samples do not find them, and their response is specular.
         """
         direction = np.einsum("nji,nj->ni", self.frame, wi)
         # Shading normal and geometric normal must agree on which side of the surface a direction is.
@@ -392,7 +392,7 @@ class _Surface:
         return _TracedRays(direction, direct, blocked, hits, _divide(value, density))
 
     def _compute_parts(self, compute: Callable[[Bsdf, Ints], Floats], shape: tuple[int, ...]) -> Floats:
-        """Return values (N, *shape); `compute` returns those of one look from its BSDF and the indices of its hits."""
+        """Return values (N, *shape); `compute` returns one look's values from its BSDF and the indices of its hits."""
         result = np.empty((len(self.wo), *shape))
         for part, bsdf, _ in self.parts:
             result[part] = compute(bsdf, part)

@@ -40,9 +40,9 @@ class Camera:
 
     Angles are in degrees, lengths in metres. As seen from the target, the unrotated camera is at the azimuth `azimuth`
     - 90 degrees, at the angle `elevation` above the horizon. With azimuth 0 it is on the side of -y and looks along +y.
-    `roll` rotates it about its line of sight, counter-clockwise as it sees the world. It orbits the vertical axis
-    through `axis` (x, y), or through `target` if `axis` is None. `shift` moves the frame to the right and up over the
-    image, in widths of the frame. Without a `lens` it is a pinhole camera.
+    `roll` rotates the camera about its line of sight, counter-clockwise as the camera sees the world. The camera orbits
+    the vertical axis through `axis` (x, y), or through `target` if `axis` is None. `shift` moves the frame to the right
+    and up over the image, in widths of the frame. Without a `lens`, the camera is a pinhole camera.
     """
 
     fov: float

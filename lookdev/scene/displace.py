@@ -33,7 +33,7 @@ def is_displaced(mesh: Mesh, looks: Sequence[Look]) -> bool:
 def as_cage(mesh: Mesh) -> Mesh:
     """Return a mesh that can be refined for displacement; a polygon mesh becomes the cage of a bilinear surface.
 
-    A primvar of the cage has the normals of the polygon mesh, which are interpolated by the refinement. `displace` then
+    A primvar of the cage has the normals of the polygon mesh. The refinement interpolates them, and `displace` then
     uses them as normals, so that a smooth sphere of few faces stays smooth.
     """
     if mesh.subdivision is not None:
@@ -45,7 +45,7 @@ def as_cage(mesh: Mesh) -> Mesh:
 
 
 def displace(asset: Asset, look_of_slot: Mapping[str, Look]) -> Asset:
-    """Return the asset with displaced meshes; meshes that looks displace have been refined before.
+    """Return the asset with displaced meshes; the caller has refined the meshes that looks displace.
 
     `look_of_slot` maps the paths of slots to looks, as `Scene.look_of_slot`. A height h moves a point by
     ``(h - midlevel) scale`` along its normal. `Displacement.units` determines where this distance is measured. In
@@ -106,7 +106,7 @@ def _displace_mesh(
 
 
 def _heights(mesh: Mesh, looks: Sequence[Look], unit: float) -> tuple[Floats, Floats]:
-    """Return two displacements of each corner (m,), in metres: the one in object space, and the one in the world."""
+    """Return the displacements of corners (m,) in metres: first in object space, then in the world."""
     corner_slots = np.repeat(mesh.face_slots, mesh.face_sizes)
     object_heights, world_heights = np.zeros((2, len(corner_slots)))
     points = CornerPoints(mesh)
@@ -158,7 +158,7 @@ def _surface_normals(mesh: Mesh, points: Floats32) -> Floats:
 
 
 def _rotate_normals(normals: Floats, before: Floats, after: Floats) -> Floats:
-    """Rotate shading normals (m, 3) by the rotation from the surface normals `before` to those `after` (m, 3).
+    """Rotate shading normals by the rotations between surface normals, from `before` to `after`; all are (m, 3).
 
     Hard edges stay hard, and smooth faces stay smooth. The rotation is the shortest one between the two unit vectors,
     by Rodrigues' formula without trigonometry. Where displacement flips the surface, the result is `after`.

@@ -157,7 +157,7 @@ def frame_fill(
 
 
 def _farthest_point_function(points: Floats, arcs: Sequence[Arc]) -> Callable[[Floats], Floats]:
-    """Return a function from a direction to the point farthest along it, of points (n, 3) at all angles of some arcs.
+    """Return a function that maps a direction to the farthest point along it, of points (n, 3) at all angles of arcs.
 
     The points turn about the z axis. Let r be the distance of a point from the axis, and psi the angle about the axis
     from the point to a direction w. After a turn by t, the point's dot product with w is

@@ -1,8 +1,8 @@
 """The parts of an asset, patterns over their paths, and the assignment of looks or lights to parts.
 
-A part is a mesh, or a GeomSubset of a mesh, at the path of one or more instances. A slot (`Asset.slots`) is the entry
-of a part in the asset, which instances of a mesh share. If a look or light is assigned to some of the instances only,
-the mesh is copied: the copies share all arrays but `face_slots`, and have slots of their own.
+A part is a mesh, or a GeomSubset of a mesh, at the path of one or more instances. All instances of a mesh share its
+slots: a slot (`Asset.slots`) is the entry of a part in the asset. If a look or light is assigned to some of the
+instances only, the mesh is copied: the copies share all arrays but `face_slots`, and have slots of their own.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Part:
 
 
 def asset_parts(asset: Asset) -> dict[MeshAtPath, tuple[Part, ...]]:
-    """Return the parts of each mesh at each path of its instances; without instances, the path is its name."""
+    """Return the parts of each mesh at each path of its instances; a mesh without instances has its name as path."""
     slots = [np.unique(mesh.face_slots).tolist() for mesh in asset.meshes]
     meshes_at_paths = dict.fromkeys((instance.mesh, instance.path) for instance in asset.instances)
     hidden = set(range(len(asset.meshes))) - {number for number, _ in meshes_at_paths}
@@ -63,7 +63,7 @@ def assign_to_parts(
     """
     meshes, slots = list(asset.meshes), list(asset.slots)
     choice_of_slot: dict[str, Key] = {}
-    # The mesh of the new asset, by the old mesh and the choices of its parts. The first choices keep the old mesh.
+    # The new mesh, by the old mesh and the choices for its parts. The first choices for a mesh leave it unchanged.
     mesh_numbers: dict[tuple[int, tuple[Key, ...]], int] = {}
     number_at_path: dict[MeshAtPath, int] = {}
     assigned: set[int] = set()
@@ -91,9 +91,10 @@ def assign_to_parts(
 
 @dataclass(frozen=True)
 class PatternFits:
-    """For each path the index of the `first` pattern that fits it, and the indices of the patterns that fit no path.
+    """The result of `fit_patterns`.
 
-    Paths that no pattern fits are not in `first`.
+    `first` has, by path, the index of the first pattern that fits the path; it lacks paths that no pattern fits.
+    `unmatched` has the indices of the patterns that fit no path.
     """
 
     first: Mapping[str, int]
@@ -163,12 +164,12 @@ def path_hint(pattern: str, paths: Iterable[str]) -> str:
 
 
 def _part(mesh: Mesh, slot: Slot, path: str) -> Part:
-    """Return the part of a slot of a mesh whose instances have a path; slot paths begin with the mesh's name."""
+    """Return the part that a slot of a mesh is, at a path of instances; slot paths begin with the mesh's name."""
     return Part(path + slot.path.removeprefix(mesh.name) if path else slot.path, mesh, slot)
 
 
 def _split_mesh(mesh: Mesh, path: str, first: int) -> Mesh:
-    """Return a copy of the mesh with a path as its name, whose slots are numbered from `first` on."""
+    """Return a copy of the mesh with a path as its name, and with slots that are numbered from `first` on."""
     _, compact = np.unique(mesh.face_slots, return_inverse=True)
     return replace(mesh, name=path, face_slots=(compact + first).astype(np.int32))
 

@@ -153,10 +153,10 @@ class Scene:
 def link_lights(scene: Scene) -> Scene:
     """Return the scene with the links of its lights applied.
 
-    It sets `Scene.lights_of_slot` and `Scene.groups` of the scene, and `Emission.shadow_excluded` of each light. The
-    slots of a group cast the shadows of the same lights; group 0 casts the shadows of all lights. Meshes whose
-    instances have different links are split, so that all parts of a slot have the same links. If no light has a link,
-    the scene is the same object.
+    The returned scene has new `Scene.lights_of_slot` and `Scene.groups`, and its lights have new
+    `Emission.shadow_excluded`. The slots of a group cast the shadows of the same lights; group 0 casts the shadows of
+    all lights. Meshes whose instances have different links are split, so that all parts of a slot have the same links.
+    If no light has a link, the scene is the same object.
     """
     asset, look_of_slot, lights = scene.asset, scene.look_of_slot, scene.lights
     light_links = [light.emission.light_link for light in lights]

@@ -9,7 +9,7 @@ import numpy as np
 from lookdev.brdf.vectors import Array, Real, cross, dot, perpendicular, scale, vector
 
 MIN_COSINE = 1e-4
-"""The cosine, to the direction of the viewer, of a normal that pointed away from the viewer and was bent."""
+"""The least cosine between a normal and the direction to the viewer; `shading_frame` bends other normals."""
 
 LIFT = 1e-6
 """The height above the surface at which a ray starts, relative to the largest coordinate of its point and triangle.

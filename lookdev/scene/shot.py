@@ -14,8 +14,8 @@ from lookdev.asset.usd_camera import UsdCamera
 from lookdev.scene.camera import Camera, Lens
 
 _ASPECT_TOLERANCE = 0.01  # a smaller relative difference of two aspect ratios is not noticeable
-# The distance of the camera's target, as a fraction of that of the farthest point. `Camera.clip`, which depends on it,
-# then includes near points, too.
+# The distance of the camera's target, as a fraction of the distance of the farthest point. `Camera.clip` is relative to
+# the target's distance, and then includes near points, too.
 _TARGET_DISTANCE = 0.1
 
 
@@ -27,7 +27,7 @@ def shot_camera(shot: UsdCamera, points: Floats) -> Camera:
     """
     width, _ = shot.apertures
     right, _, back = np.array(shot.frame)
-    # The camera without roll; the roll is the angle from its right to that of the shot's camera.
+    # The camera without roll. The roll is the angle from its right axis to the right axis of the shot's camera.
     level_camera = Camera(
         fov=math.degrees(2.0 * math.atan(width / (2.0 * shot.focal_length))),
         elevation=_atan2_degrees(back[2], math.hypot(back[0], back[1])),

@@ -28,8 +28,8 @@ def add_missing_uvs(
     """Return the asset with the UV sets that its looks read, and notes on replaced sets.
 
     `look_of_slot` maps the paths of slots to looks, as `Scene.look_of_slot`. `bound` has the paths of slots whose look
-    comes from the asset itself. If a mesh has no UV set and only such looks read one, they read (0, 0), as USD's own
-    readers do.
+    comes from the asset itself. If a mesh has no UV set, and only such looks read a UV set of it, they read (0, 0), as
+    USD's own readers do.
     """
     looks = [look_of_slot[slot.path] for slot in asset.slots]
     uv_names = {id(look): look_uvs(look) for look in looks}

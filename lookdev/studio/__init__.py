@@ -20,8 +20,8 @@ __all__ = ["Address", "require_packages"]
 class Address:
     """The address at which the server listens; a `port` of None is the default port, or a free one if that is taken.
 
-    `names` are further host names by which browsers may call the server, in addition to `host`, and to ``localhost``
-    and the addresses of the loopback interface.
+    Browsers may call the server by `host`, by ``localhost``, by the addresses of the loopback interface, and by the
+    further host names `names`.
     """
 
     host: str = "127.0.0.1"

@@ -19,7 +19,7 @@ from lookdev.errors import shorten
 log = logging.getLogger("lookdev.studio")
 
 MAX_BODY_BYTES = 1 << 16
-"""Largest body of a request, in bytes; it does not apply to paths of uploads, which check their size themselves."""
+"""Largest body of a request, in bytes; it does not apply to uploads, whose handlers check the size themselves."""
 
 _SECURITY_HEADERS = {
     "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
@@ -41,8 +41,8 @@ def authorities(names: Iterable[str], port: int) -> frozenset[str]:
 class RequestGuard:
     """An ASGI application that checks each request, and passes it to `app` or refuses it; refusals are logged.
 
-    The value of `Host`, and the site in `Origin` if there is one, must be in `allowed` (see `authorities`). Bodies of
-    requests to other paths than `uploads` have at most `MAX_BODY_BYTES`.
+    The value of `Host`, and the site in `Origin` if there is one, must be in `allowed` (see `authorities`). A body has
+    at most `MAX_BODY_BYTES`, unless the path of its request is in `uploads`.
     """
 
     def __init__(self, app: ASGIApp, allowed: frozenset[str], uploads: Iterable[str] = ()) -> None:
@@ -72,12 +72,12 @@ class RequestGuard:
         origins = headers.getlist("origin")
         if any(origin.lower() not in {f"http://{authority}" for authority in self._allowed} for origin in origins):
             return f"Origin {shorten(', '.join(origins), 80)} is not this server"
-        # Browsers send Origin with every websocket and every POST. So one without Origin is not from a page of another
-        # site, and is accepted.
+        # Browsers send Origin with every websocket and every POST. So a websocket or POST without Origin is not from a
+        # page of another site, and is accepted.
         return ""
 
     def _limit_body(self, scope: Scope, receive: Receive) -> Receive:
-        """Return `receive`, or a function in its place that disconnects a client whose body is too large."""
+        """Return `receive`, or a function in its place that disconnects a client that sends too large a body."""
         if scope["type"] != "http" or scope["path"] in self._uploads:
             return receive
         size = 0
@@ -95,7 +95,7 @@ class RequestGuard:
 
 
 def _add_headers(send: Send) -> Send:
-    """Return a function in place of `send` that adds to each response the `_SECURITY_HEADERS` that it lacks."""
+    """Return a function in place of `send`; it adds the missing `_SECURITY_HEADERS` to each response."""
 
     async def send_with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":

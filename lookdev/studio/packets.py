@@ -13,11 +13,11 @@ _FLOAT32_MAX = float(np.finfo(np.float32).max)
 
 
 def encode_packet(header: Mapping[str, object], arrays: Mapping[str, Elements]) -> bytes:
-    """Return the message of a header and of arrays by name, little-endian.
+    """Return a header and arrays, by their names, as one message, little-endian.
 
     The message begins with the length of the padded header in bytes, as uint32. The header follows, as JSON padded with
     spaces to a multiple of 4 bytes. Then follow the arrays, in C order, without gaps. The header's key ``arrays`` lists
-    ``[name, shape]`` of each. A number beyond the range of float32 becomes the largest float32 of its sign.
+    ``[name, shape]`` of each array. A number beyond the range of float32 becomes the largest float32 of its sign.
     """
     shapes = [[name, list(np.shape(values))] for name, values in arrays.items()]
     header_bytes = json.dumps({**header, "arrays": shapes}, separators=(",", ":")).encode()

@@ -1,6 +1,6 @@
-"""The files that a page may read, by name: those that the server's command line states, and uploads.
+"""The files that a page may read, by name: files that the server's command line states, and uploads.
 
-A root is a file or a folder of the command line, or the folder of uploads.
+A root is a file or a folder that the command line states, or the folder of uploads.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lookdev.brdf.measured.files import read_grid
 from lookdev.errors import LookdevError, ModelError, shorten
 
 UPLOADS = "uploads"
-"""The name of the root that has the uploads."""
+"""The name of the root that is the folder of uploads."""
 MAX_UPLOAD_BYTES = 64 << 20
 """Largest size of an upload, in bytes; a MERL binary has 33 MiB."""
 MAX_UPLOADS_BYTES = 512 << 20

@@ -10,9 +10,9 @@ from starlette.types import Scope
 
 
 class Scripts(StaticFiles):
-    """Static files of which a browser uses no cached copy before it has asked the server.
+    """Static files; a browser asks the server before it uses a cached copy of a file.
 
-    The server is usually on the browser's machine, so that such a request costs little.
+    The server is usually on the browser's machine, so this request costs little.
     """
 
     def file_response(

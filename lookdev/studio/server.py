@@ -33,9 +33,10 @@ _LOCAL = ("127.0.0.1", "localhost", "::1")  # names of the loopback interface
 
 @dataclass(frozen=True)
 class BoundSocket:
-    """A socket that listens, its URL, the values of the header `Host` that are allowed, and the port requested for it.
+    """A socket that listens, and its URL.
 
-    `is_requested_port` is false if the requested port was taken. Port 0 requests any free port.
+    `allowed` has the values of the header `Host` that requests may have. `requested_port` is the port that the caller
+    requested; 0 requests any free port. `is_requested_port` is false if the requested port was taken.
     """
 
     socket: socket.socket
@@ -48,7 +49,7 @@ class BoundSocket:
 def bind_address(address: Address) -> BoundSocket:
     """Listen at an address; if its port is None and the default port is taken, listen at a free port.
 
-    Raises LookdevError if the address is not one of this machine, or its port is taken.
+    Raises LookdevError if the address is not an address of this machine, or its port is taken.
     """
     requested_port = PORT if address.port is None else address.port
     try:

@@ -28,7 +28,7 @@ class ComputationCancelled(LookdevError):
 
 @dataclass
 class CancelToken:
-    """A computation for a page, which the page can cancel."""
+    """The state of one computation for a page: `cancelled` is set when the page cancels the computation."""
 
     cancelled: threading.Event = field(default_factory=threading.Event)
 
@@ -39,10 +39,10 @@ class CancelToken:
 
 
 class PageSocket:
-    """The websocket of one page, its asyncio tasks, and the ticket of its newest computation that can be cancelled.
+    """The websocket of one page, with its asyncio tasks, and with the ticket of its newest computation.
 
-    The function `cancel` ends the computation of a ticket. It is called for the newest ticket, and all tasks are
-    cancelled, when the page is gone.
+    A ticket is a `CancelToken`. The argument `cancel` is a function that ends the computation of a ticket. When the
+    page is gone, the newest ticket and all tasks are cancelled.
     """
 
     def __init__(self, socket: WebSocket, cancel: Callable[[CancelToken], None]) -> None:
@@ -67,7 +67,7 @@ class PageSocket:
             await asyncio.gather(*tasks, return_exceptions=True)
 
     def replace_ticket(self) -> CancelToken:
-        """Cancel the newest ticket and return a new one."""
+        """Cancel the newest ticket, and return a new ticket for the next computation."""
         self.cancel()
         self._ticket = CancelToken()
         return self._ticket

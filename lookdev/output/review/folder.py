@@ -1,6 +1,6 @@
 """The command `lookdev review`: it finds the frames of an output folder, and of another version of it, for the page.
 
-A frame may have a frame of reference props beside it, such as a grey ball and a colour chart, which is shown over it.
+A frame can have a frame of reference props, such as a grey ball and a colour chart; the page shows the props over it.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ def review(
 def read_version(folder: Path, page: Path) -> Version:
     """Return the frames of an output folder, each with the frame of reference props to composite over it, if any.
 
-    Damaged frames are left out, and the problems list them. Frames in the folder `page` are skipped. Raises OutputError
-    where no frame is left.
+    Damaged frames are left out; `Version.problems` lists them. Frames in the folder `page` are skipped. Raises
+    OutputError where no frame is left.
     """
     if not folder.is_dir():
         raise OutputError(f"{folder}: no such folder; the output folder of a job would be right")
@@ -84,7 +84,7 @@ def read_version(folder: Path, page: Path) -> Version:
             problems.append(f"{file}: is left out: not written by lookdev")
             continue
         # The header states a doubt if the frame's props differ from their prediction (`lookdev.checks.charts`). Several
-        # frames can be the same picture, with the same digest; its doubt is listed once.
+        # frames can be the same picture, with the same digest; a doubt about it is listed once.
         if "charts.doubt" in header and header["digest"] not in doubted_digests:
             doubted_digests.add(header["digest"])
             problems.append(f"{file}: {header['charts.doubt']}")
@@ -92,7 +92,8 @@ def read_version(folder: Path, page: Path) -> Version:
     if not reels:
         reason = f": {'; '.join(map(shorten, problems[:_MAX_PROBLEMS]))}" if problems else ""
         raise OutputError(f"{folder}: has no frames, {FRAME_PATTERN}.exr{reason}")
-    # By its path below the folder of props, a frame of props belongs to the frames with that path below their look.
+    # The frames of props, by their paths below PROPS_FOLDER. A frame of a look has the props at the same path: its path
+    # below the folder of the look.
     props = {
         frame.file.relative_to(folder / PROPS_FOLDER): frame.file
         for (look, _, _), frames in reels.items()

@@ -79,7 +79,7 @@ class Version:
 
 @dataclass(frozen=True)
 class WrittenPage:
-    """The number of files that were written for a page, the number of those used again, and the bytes of all."""
+    """The result of writing a page: the numbers of its new and unchanged files, and the size of all files in bytes."""
 
     new_files: int
     unchanged_files: int
@@ -107,7 +107,7 @@ def write_review_page(
 class _PageWriter:
     """The writer of the files of a page in a folder, which uses undamaged files of an earlier page again.
 
-    `_ledger` has the SHA-256 of the earlier page's files by name, and `_digests` that of this page's files.
+    `_ledger` has the SHA-256 of the earlier page's files by name, and `_digests` has it for this page's files.
     """
 
     def __init__(self, folder: Path, view: DisplayView) -> None:
@@ -189,7 +189,7 @@ class _PageWriter:
         }  # fmt: skip
 
     def _reuse(self, name: str) -> bool:
-        """Return whether a file exists with the digest that it was written with; if so, add it to this page's files."""
+        """Return whether a file is unchanged since it was written; if so, add it to this page's files."""
         digest = self._digests.get(name) or self._ledger.get(name)
         path = self._folder / name
         if digest is None or not path.is_file() or file_digest(path) != digest:
@@ -222,8 +222,8 @@ class _PageWriter:
 def _compare_reels(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Iterator[dict[str, Any]]:
     """Yield the comparison of each reel of the new and the old version, by the frame that differs most.
 
-    ``state`` is "new" or "removed" for a reel of one version only, and "other frames" if both versions have no frame of
-    the same number. Otherwise it is "changed" if pixels differ beyond noise, "same picture" if only inputs or noise
+    ``state`` is "new" or "removed" for a reel of one version only, and "other frames" if the two versions have no frame
+    number in common. Otherwise it is "changed" if pixels differ beyond noise, "same picture" if only inputs or noise
     differ, or "same".
     """
     new, old = ({reel.key: reel for reel in version.reels} for version in versions)
@@ -254,7 +254,7 @@ def _compare_reels(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Ite
 
 
 def _compare_frame(new: ReviewFrame, old: ReviewFrame) -> Comparison:
-    """Compare two versions of a frame; they are equal without a look at their pixels if they are the same files."""
+    """Compare two versions of a frame; if both are the same files, they are equal, and their pixels are not read."""
     pairs = ((new.file, old.file), (new.props_file, old.props_file))
     if all(a == b or (a and b and a.samefile(b)) for a, b in pairs):
         return Comparison((), 0.0, 0.0)

@@ -23,7 +23,7 @@ from lookdev.output.exr import frame_space, read_layer, read_rec709
 from lookdev.space import REC709, error_in_rec709
 
 NOISE_LIMIT = 3.0
-"""Largest z, as `lookdev.metrics.noise_ratio` defines it, of two versions of a pixel that noise explains.
+"""Two versions of a pixel differ by more than noise if their z (`lookdev.metrics.noise_ratio`) is larger than this.
 
 Where noise is Gaussian, at most 0.27 % of pixels exceed it by chance.
 """
@@ -99,11 +99,11 @@ def _round_to_half(values: Floats32) -> Floats32:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The comparison of a frame with that of another version.
+    """The comparison of a frame with the same frame of another version.
 
     `changed` are the inputs of the render that differ, such as "look" or "camera" (see `changed_parts`). `relmse` is
-    the relMSE of the frame against the other one. `beyond` is the share of the asset's pixels whose z exceeds
-    `NOISE_LIMIT`, or None if an error is not known. Both are None if the frames differ in size.
+    the relMSE of the frame against the frame of the other version. `beyond` is the share of the asset's pixels whose z
+    exceeds `NOISE_LIMIT`, or None if an error is not known. Both are None if the frames differ in size.
     """
 
     changed: tuple[str, ...]
@@ -121,7 +121,7 @@ class Comparison:
 def compare_frames(
     new: PremultipliedPixels, old: PremultipliedPixels, header: Mapping[str, str], old_header: Mapping[str, str]
 ) -> Comparison:
-    """Compare a frame with that of another version by their pixels and headers."""
+    """Compare a frame with the same frame of another version, by their pixels and headers."""
     changed = changed_parts(header, old_header)
     if new.alpha.shape != old.alpha.shape:
         return Comparison(changed)
@@ -137,7 +137,7 @@ def compare_frames(
 def changed_parts(header: Mapping[str, str], old: Mapping[str, str]) -> tuple[str, ...]:
     """Return the inputs of the render that differ by two headers: "look", "light", "camera" and so on.
 
-    A header has a digest of each input, ``digest.<input>``, and one of all, ``digest``.
+    A header has a digest of each input, ``digest.<input>``, and a digest of all inputs, ``digest``.
     """
     prefix = "digest."
     keys = sorted({key for key in (*header, *old) if key.startswith(prefix)})

@@ -45,7 +45,7 @@ PATCHES: dict[str, tuple[float, float, float]] = {
     "neutral 3.5": (35.63, -0.46, -0.48),
     "black 2": (20.64, 0.07, -0.46),
 }
-"""L*, a* and b* of each patch under D50. The order is that of the chart, four rows of six from the upper left."""
+"""L*, a* and b* of each patch under D50. The order is the chart's, four rows of six from the upper left."""
 
 GREY_REFLECTANCE = 0.18
 """The reflectance of the grey ball."""
@@ -61,7 +61,7 @@ def patch_colors() -> Floats:
 def patch_xyz() -> Floats:
     """Return X, Y, Z of the patches under D50, (24, 3), relative to Y = 1 of the white."""
     lightness, a, b = np.array(list(PATCHES.values())).T
-    # f is the function of the CIE's definition of L*a*b*, of X, Y and Z relative to the white.
+    # f is the function in the CIE's definition of L*a*b*; its arguments are X, Y and Z relative to the white.
     y = (lightness + 16.0) / 116.0
     f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
     linear = 3.0 * (6.0 / 29.0) ** 2 * (f - 4.0 / 29.0)

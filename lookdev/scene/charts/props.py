@@ -38,12 +38,12 @@ PROPS_STRIP_KEY = "charts.strip"
 
 _LENS = 2.0  # degrees: the angle of view; the direction of view differs from the camera's axis by at most 1 degree
 _PADDING, _GAP = 0.08, 0.2  # relative to the strip's thickness: space beside the props, and between two of them
-_ROWS, _COLUMNS = 4, 6  # of the chart: a *cell* is a square of the chart with a patch in its middle
+_ROWS, _COLUMNS = 4, 6  # rows and columns of the chart: a *cell* is a square of the chart with a patch in its middle
 _SEAM = 0.12  # the space between a patch and the edge of its cell, relative to the cell's side
 _BORDER = 0.03  # the reflectance of the chart between patches
 # The side of a measured square, relative to the ball's diameter, and to the cell's side: the square contains no edge.
 _BALL_PART, _CELL_PART = 0.5, 0.72
-_SEGMENTS = 256  # of a ball, around its axis
+_SEGMENTS = 256  # segments of a ball around its axis
 _MIN_PIXELS = 2.0  # the minimum number of whole pixels along the side of a measured square
 
 MATTE = Look(
@@ -70,7 +70,7 @@ class Box:
 
     @property
     def center(self) -> tuple[float, float]:
-        """Its centre."""
+        """The centre of the box, (x, y)."""
         return self.left + 0.5 * self.width, self.top + 0.5 * self.height
 
     def centered_square(self, part: float) -> Box:
@@ -193,8 +193,9 @@ class Strip:
 def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
     """Return the camera of the props for a frame of `camera`.
 
-    It looks in the same direction from far away. `center` is the middle of the asset; only its height is used, at the
-    axis that the camera orbits. Raises AssetError if that point is not in front of the camera.
+    It looks in the same direction from far away. The plane of the props goes through the point of the camera's orbit
+    axis at the height of `center`, the middle of the asset. Raises AssetError if that point is not in front of the
+    camera.
     """
     right, up, back = camera.frame
     middle = np.array([*camera.pivot, center[2]])

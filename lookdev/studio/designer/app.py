@@ -40,7 +40,7 @@ class SceneRoutes(Routes):
         """Return the visible scene, the choices of other scenes, and the status of the document."""
         document = self.document
         view = document.view()
-        # Keep the buffers of the last two scenes: the page may fetch one while the next is computed.
+        # Keep the buffers of the last two scenes: the page may fetch buffers of one while the next is computed.
         self._buffers[:] = [*self._buffers[-1:], view.buffers]
         look, rig = document.scene_key
         background = document.job.render.background

@@ -54,7 +54,7 @@ class Document:
         self._looks = JobLooks(edited_job, self._workspace.sources)
         # The location of the look that shows one layer alone (solo), and the number of this layer.
         self._solo: tuple[LookLocation, int] | None = None
-        # The last result of `view`, after the scene without edits and the visible looks from which it was made.
+        # The last result of `view`, after its inputs: the scene without edits of looks, and the visible looks.
         self._view: tuple[Scene, tuple[Look, ...], SceneView] | None = None
         self._revision = 0  # counts changes, for `revision_status`
 
@@ -62,7 +62,7 @@ class Document:
     def _current_job(self) -> ParsedJob:
         """The job with its edits.
 
-        If the job lacks the visible light, this is one of the shipped lights, and is added to the job.
+        If the job lacks the visible light, the light is one of the shipped lights, and is added to the job.
         """
         files = self._workspace.state.files
         job = self._edited_job.parse(files)
@@ -317,7 +317,8 @@ class Document:
     def _adopt_state(self, scene: Scene, before: list[Look]) -> bool:
         """Show the present state and store it for recovery; return whether shaders change.
 
-        `scene` and `before` are the scene and its visible looks, by number, before the change of state.
+        `scene` is the visible scene before the change of state, without edits of its looks; `before` has the visible
+        looks before the change, by number.
         """
         choices = self.choices
         if not self._has_scene(self.scene_key):

@@ -65,7 +65,7 @@ class EditedJob:
         self._paths_of_slots = lru_cache(16)(_find_paths)
 
     def parse(self, edited_contents: Mapping[Path, bytes], light: str = "") -> ParsedJob:
-        """Return the job and its scenes; `light` names one of `shipped_lights` that is added to the job's lights.
+        """Return the job and its scenes; unless `light` is empty, the shipped light of this name is added to the job.
 
         `edited_contents` has the edited contents of files; if it lacks the job's file, the original content is parsed.
         Raises JobError or FaultsError with all faults, and TextError if the content is not text.
@@ -73,7 +73,7 @@ class EditedJob:
         return self._parse_cached(edited_contents.get(self.file, self.content), light)
 
     def _parse_content(self, content: bytes, light: str) -> ParsedJob:
-        """Return the job in a content of its file, and its scenes, with a shipped light that `parse` describes."""
+        """Parse a content of the job's file; add the shipped light of the name `light`, unless it is empty."""
         job = parse_job(decode(content, self.file), self.file)
         if light and (table := shipped_lights(job).get(light)):
             update = {"ibl": (*job.ibl, table)} if isinstance(table, JobIbl) else {"rig": (*job.rig, table)}
@@ -83,7 +83,7 @@ class EditedJob:
         return ParsedJob(job, build_scenes(job, reader=self._assets[1]))
 
     def _look_and_asset(self, parsed_job: ParsedJob, name: str) -> tuple[JobLook, ComposedAsset]:
-        """Return the job's look of this name, and the asset as composed for it."""
+        """Return the job's look of this name, and the asset as composed for this look."""
         look = next(look for look in parsed_job.scenes.job.look if look.name == name)
         assert self._assets is not None, "a job that was read has an asset"
         return look, self._assets[1].read(look)
@@ -105,10 +105,12 @@ class EditedJob:
     def describe_assignments(self, parsed_job: ParsedJob, scene_key: tuple[str, str]) -> dict[str, Any]:
         """Return the assignments of a scene's look for the page.
 
-        ``assignments`` has a record for each slot, by its path. In it, ``paths`` are the paths of the slot's parts, and
-        ``by`` is what chooses the material: an ``assign`` of the look, the ``look`` itself, or the ``asset``. ``paths``
-        and ``collections`` are the parts of the asset, and its collections of parts, for new assignments. ``locked`` is
-        the reason why the assignments cannot be edited, or empty.
+        ``assignments`` has a record for each slot, by its path. In the record, ``paths`` are the paths of the slot's
+        parts, and ``by`` is what chooses the material: an ``assign`` of the look, the ``look`` itself, or the
+        ``asset``; ``pattern``, ``material`` and ``variants`` are the values in the job, or empty.
+
+        For new assignments, the result also has the ``paths`` of all parts, and the ``collections`` of parts.
+        ``locked`` is the reason why the assignments cannot be edited, or empty.
         """
         look, composed = self._look_and_asset(parsed_job, scene_key[0])
         assignments, paths = self._assignments_of(parsed_job, scene_key[0]), self._paths_of_slots(parsed_job, scene_key)
@@ -158,10 +160,10 @@ class EditedJob:
     ) -> tuple[str, bytes]:
         """Return a label for the history, and the job's content with a material assigned to parts, or unassigned.
 
-        `name` is the job's look that is edited, `content` the job's present content, and `body` the page's request. Its
-        ``part`` is the path of the picked part. ``prims`` are the patterns of paths to which ``material`` is assigned;
-        if there are none, it is assigned to all parts without an assignment. Raises LookdevError if the request is not
-        valid, or the job does not allow the edit.
+        `name` is the job's look that is edited, `content` is the job's present content, and `body` is the page's
+        request. In the request, ``part`` is the path of the picked part, and ``prims`` are the patterns of paths to
+        which ``material`` is assigned; if there are none, the material is assigned to all parts without an assignment.
+        Raises LookdevError if the request is not valid, or the job does not allow the edit.
         """
         look_number, text = _look_number(parsed_job, name), decode(content, self.file)
         if look_number is None:

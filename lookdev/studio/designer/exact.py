@@ -36,15 +36,15 @@ from lookdev.studio.websocket import CancelToken, ComputationCancelled
 MAX_SIDE = {"mitsuba": 640, "exact": 320}
 """Longer side of a picture in pixels, by backend: a first round takes less than a second, and cancelling 200 ms."""
 
-_RESIZABLE_BACKENDS = ("mitsuba",)  # those that change the size of a picture without building the scene anew
-_SAMPLES = (2, 2, 4, 8, 16, 32)  # samples of the first rounds; later rounds have as many as the last
-_MAX_SAMPLES, _TARGET_RELMSE = 1024, 5e-5  # samples, or relMSE, at which a picture is done
+_RESIZABLE_BACKENDS = ("mitsuba",)  # backends that change the size of a picture without building the scene anew
+_SAMPLES = (2, 2, 4, 8, 16, 32)  # samples per pixel of the first rounds; later rounds have the last number
+_MAX_SAMPLES, _TARGET_RELMSE = 1024, 5e-5  # a picture is done at this many samples, or at this relMSE
 _TRIES = 3  # failures of the worker in a row, without a finished round, after which a picture fails
 
 
 @dataclass(frozen=True)
 class RequestedView:
-    """The view of the page: its camera, the rotations of asset and lights, and the (width, height) in pixels."""
+    """The view of the page: its camera, the pose of asset and lights, and its size (width, height) in pixels."""
 
     camera: Camera
     pose: Pose
@@ -98,8 +98,8 @@ class ExactRenderer:
         self._worker: Worker | None = None
         self._command: tuple[str, ...] = ()  # the command line of the worker
         self._current: CancelToken | None = None  # the picture that is being rendered
-        self._digest = ""  # the digest of its current frame, by which the worker cancels it
-        self._count = 0  # of all frames
+        self._digest = ""  # the digest of the frame that is being rendered, by which the worker cancels it
+        self._count = 0  # number of frames so far
         self._closed = False
 
     @property
@@ -108,7 +108,7 @@ class ExactRenderer:
         return None if self._worker is None else self._worker.pid
 
     def cancel(self, ticket: CancelToken) -> None:
-        """Cancel the picture of a ticket; the worker ends its frame soon."""
+        """Cancel the picture that has a ticket; the worker soon ends the frame that it renders for this picture."""
         ticket.cancelled.set()
         worker, digest = self._worker, self._digest
         if self._current is ticket and worker is not None and digest:
@@ -166,7 +166,7 @@ class ExactRenderer:
     def _render_round(
         self, task: SceneTask, view: RequestedView, samples: int, number: int, ticket: CancelToken, deliver: Deliver
     ) -> WorkerFrame:
-        """Return the round of a number, which is also its seed, with `samples` samples a pixel."""
+        """Render the round `number`, which is also the seed, with `samples` samples per pixel; return its frame."""
         worker = self._start_worker(task.backend, deliver)
         self._count += 1
         self._digest = f"exact-{self._count}"
@@ -215,7 +215,7 @@ class ExactRenderer:
 def fastest_backend(scene: Scene) -> str:
     """Return the name of the fastest backend that renders a scene exactly.
 
-    It is ``mitsuba`` if that is installed and supports the scene, else ``exact``, which is Cycles.
+    This is ``mitsuba`` if Mitsuba is installed and supports the scene, else ``exact``, which is Cycles.
     """
     if scene.catchers:
         return "exact"

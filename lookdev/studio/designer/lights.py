@@ -26,7 +26,8 @@ MAX_STOPS = 10.0
 class LightSetting:
     """The changes of one light: on or off, brightness in stops, and a colour, linear Rec.709.
 
-    The light's radiance is multiplied by the colour and, unless `kelvin` is None, by that of a black body at `kelvin`.
+    The light's radiance is multiplied by `color` and, unless `kelvin` is None, by the colour of a black body of
+    `kelvin` kelvin.
     """
 
     on: bool = True
@@ -36,7 +37,7 @@ class LightSetting:
 
     @property
     def factor(self) -> Color:
-        """The factor of the light's radiance, linear Rec.709."""
+        """The factor by which the light's radiance is multiplied, linear Rec.709."""
         scale = 2.0**self.stops if self.on else 0.0
         kelvin_color = (1.0, 1.0, 1.0) if self.kelvin is None else black_body(self.kelvin)
         r, g, b = (scale * tint * component for tint, component in zip(self.color, kelvin_color, strict=True))
@@ -78,7 +79,8 @@ class LightSettings:
     def describe(self, rig: str, scene: Scene) -> dict[str, Any]:
         """Return the ``lights`` of a rig for the page, with their settings, and the limits of settings.
 
-        ``rows`` has the numbers of the lights in the viewport's texture ``rig_numbers``, with the settings applied.
+        ``rows`` has the values in the viewport's texture ``rig_numbers`` that describe the lights, with the settings
+        applied.
         """
         with self._lock:
             settings = dict(self._settings.get(rig, {}))

@@ -64,7 +64,7 @@ class JobLooks:
         return replace(opened, look=original) if opened.look.layers == original.layers else opened
 
     def _locate(self, look: Look, variants: Mapping[str, str]) -> LookLocation | str:
-        """Return the location of a look whose file alone gives the same layers, or the reason why it has none."""
+        """Return the location of a look, or the reason why it has none; the file alone must give the look's layers."""
         match = _SOURCE.fullmatch(look.source)
         if not match or not Path(match["file"]).is_file():
             return f"look '{look.name}' is not in a file"

@@ -44,7 +44,7 @@ def open_document(
     """Open a job (.toml), or an asset with its own materials or with `material`.
 
     With `recovers`, the document stores unsaved work, and offers the work of an earlier Designer. An asset gets a new
-    job in the working folder, which is not on disk until it is saved.
+    job in the working folder; the job is not on disk until it is saved.
 
     Raises
     ------
@@ -53,7 +53,7 @@ def open_document(
     FaultsError
         The files of the job, or the asset, have faults.
     """
-    # Unsaved work is found again by the arguments with which it was opened.
+    # Unsaved work is found again by the arguments with which the document was opened.
     opening_key = "|".join(
         str(part.absolute()) if isinstance(part, Path) else str(part) for part in (file, builtin, material)
     )
@@ -91,7 +91,7 @@ def _recoverable_job(recovery: Recovery | None) -> Path | None:
 
 
 def _free_path(file: Path) -> Path:
-    """Return the path, or one with a number after its stem, at which there is no file."""
+    """Return a path at which there is no file: `file`, or else `file` with a number after its stem."""
     numbered = (file.with_stem(f"{file.stem}_{number}") for number in range(2, 1000))
     return next(candidate for candidate in (file, *numbered) if not candidate.exists())
 

@@ -35,8 +35,9 @@ def parse_operation(
 ) -> tuple[str, FileEdit]:
     """Return the label and the edit of a request for a look; raise LookdevError if the request is not valid.
 
-    ``op`` of the request `body` names the operation. `location` and `opened` are those of the look, `variants` has the
-    chosen variant of each of its sets, and `roots` are the folders whose images it may read.
+    In the request `body`, ``op`` names the operation. `location` is the location of the look, and `opened` the look
+    with its outline. `variants` has the chosen variant of each of the look's sets. The look may read images in the
+    folders `roots`.
     """
     parsed = _parse_stack_operation(body, location, opened.outline, variants)
     parsed = parsed or _parse_source_operation(body, location, opened, variants, list(roots))
@@ -131,6 +132,6 @@ def _nonempty_sources(inputs: Mapping[Any, Any]) -> dict[str, str]:
 
 
 def _move_above(file: Path, number: int, to: int, prim: str, variants: Mapping[str, str]) -> None:
-    """Move the layer of a number to the number `to`, unless it is there already."""
+    """Move the layer `number` so that its number is `to`; do nothing if it is already."""
     if to != number:
         move_layer(file, str(number), to, prim, variants)

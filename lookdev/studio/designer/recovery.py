@@ -35,7 +35,7 @@ class UnsavedWork:
     """The unsaved work of a Designer.
 
     `files` has the edited content of each file, and the digest of the content that the Designer last knew on disk.
-    `variants` are those of `EditState`. `time` is in seconds since the epoch. `visible` has the names of the visible
+    `variants` is `EditState.variants`. `time` is in seconds since the epoch. `visible` has the names of the visible
     look and rig.
     """
 
@@ -71,7 +71,7 @@ class UnsavedWork:
 
 
 class Recovery:
-    """The record of a Designer, and that of an earlier Designer of the same job or asset, if it left unsaved work.
+    """The record of a Designer, and the record of unsaved work that an earlier Designer of its job or asset left.
 
     `opening_key` identifies the job or asset. `work` is the unsaved work of the earlier Designer, or None.
     """

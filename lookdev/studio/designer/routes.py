@@ -25,7 +25,7 @@ NO_STORE = {"cache-control": "no-store"}
 
 @dataclass(frozen=True)
 class Query:
-    """A request of the page: its JSON body, the parameters of its URL, and whether its method is POST.
+    """A request of the page: its JSON body, the parameters of its URL, and whether its method is POST (`posted`).
 
     The body is {} if it is not a JSON object.
     """
@@ -43,7 +43,7 @@ class Query:
 
 
 Method = TypeVar("Method", bound=Callable[..., Any])
-MakeRoute = Callable[[Callable[..., Any]], BaseRoute]  # from a bound method
+MakeRoute = Callable[[Callable[..., Any]], BaseRoute]  # makes a route of a bound method
 
 
 class Routes:

@@ -1,4 +1,4 @@
-"""The layers of looks as JSON rows for the Designer's page: a row for each layer, and in it one for each parameter.
+"""The layers of looks as JSON rows for the Designer's page: a row for each layer, and in it a row for each parameter.
 
 A parameter's value is a constant, or varies over the surface and has a source: an image, a primvar or an expression.
 Sources, and masks, are converted to and from the text that a user types.
@@ -33,8 +33,9 @@ def layer_rows(
     """Yield a row for each layer of a stack, base first, disabled layers included.
 
     `outline` lists all layers of the stack; it is None if the look cannot be edited. Paths of images are relative to
-    `folder`, that of the look's file. `solo` is the number of the layer that is shown alone, if there is one. In a row,
-    ``number`` is the layer's number in the stack, and ``index`` its index in the look, which lacks disabled layers.
+    `folder`, the folder of the look's file. `solo` is the number of the layer that is shown alone, if there is one. In
+    a row, ``number`` is the layer's number in the stack, and ``index`` its index in the look, which lacks disabled
+    layers.
     """
     entries = outline.entries if outline else [LayerEntry(n, layer.name) for n, layer in enumerate(look.layers)]
     index = 0
@@ -89,10 +90,11 @@ def _number_rows(owner: str, value: Any) -> Iterator[dict[str, Any]]:
 
 
 def _parameter_row(drawn_index: int | None, parameter: Parameter, value: Any) -> dict[str, Any]:
-    """Return the row of a parameter, whose value in the look is `value`, or None if the look does not state it.
+    """Return the row of a parameter, whose value in the look is `value`.
 
-    ``varies`` describes the source of a value that is not a constant. ``uniform`` is the name of the parameter's
-    uniform in the viewport's shader, or empty.
+    `value` is None if the look does not state it. `drawn_index` is the layer's index in the look that the viewport
+    draws, or None if the parameter is not a uniform there. ``varies`` describes the source of a value that is not a
+    constant. ``uniform`` is the name of the parameter's uniform in the viewport's shader, or empty.
     """
     constant = isinstance(value, float | int | str | tuple)
     live = drawn_index is not None and isinstance(value, float | tuple)
@@ -166,8 +168,8 @@ def read_source(
 ) -> MaskSource:
     """Return the mask, or the source of a parameter, that a text of the page describes.
 
-    `inputs` has the texts of the inputs of an expression, by name. Paths of images are relative to `folder`, that of
-    the look's file. `target` is ``"mask"`` or the name of the parameter, whose values are of type `kind`. Raises
+    `inputs` has the texts of the inputs of an expression, by name. Paths of images are relative to `folder`, the folder
+    of the look's file. `target` is ``"mask"`` or the name of the parameter, whose values are of type `kind`. Raises
     LookdevError if the text is not valid, or an image is outside of the folders `roots`.
     """
     if target == "mask" and text.strip().startswith("part:"):

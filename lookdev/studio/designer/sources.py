@@ -1,7 +1,7 @@
 """The files of looks that the Designer edits: they are read once, opened with edits, and written when they are saved.
 
-Edits are made in a hidden copy beside a file. The known digest of a file is that of its content when the Designer last
-read or wrote it. If the digest of the file on disk differs, another program has changed the file.
+Edits are made in a hidden copy beside a file. The known digest of a file is the digest of its content when the Designer
+last read or wrote it. If the digest of the file on disk differs, another program has changed the file.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class SourceFiles:
         return edited_contents.get(file, self._original_contents[file])
 
     def is_unsaved(self, edited_contents: Mapping[Path, bytes], file: Path) -> bool:
-        """Return whether a file's content differs from the known one on disk; false for a new file without edits."""
+        """Return whether a file's content differs from the known content on disk; False for an unedited new file."""
         if file not in self._original_contents or (not self._known_digests[file] and file not in edited_contents):
             return False
         return digest(self.content(edited_contents, file)) != self._known_digests[file]
@@ -170,7 +170,7 @@ class SourceFiles:
     ) -> OpenedLook:
         """Return the look at a location with edits; raise LookError if there is no valid look.
 
-        `variants` replace those of the location. The look gets the name and the source of `original`.
+        `variants` replace variants of the location. The look gets the name and the source of `original`.
         """
         content = self.content(edited_contents, location.file)
         opened = self._read_cached(
@@ -179,7 +179,7 @@ class SourceFiles:
         return replace(opened, look=replace(opened.look, name=original.name, source=original.source))
 
     def _read_look(self, content: bytes, file: Path, prim: str, variants: tuple[tuple[str, str], ...]) -> OpenedLook:
-        """Return the look at a prim of a file with this content, which need not be that on disk."""
+        """Return the look at a prim of a file with this content, which can differ from the content on disk."""
         choices = dict(variants)
         if content == self._original_contents[file] and self.digest_on_disk(file) == digest(content):
             return OpenedLook(read_look(file, prim, choices), read_outline(file, prim, choices))

@@ -40,13 +40,13 @@ class TurntableRuns:
         self._thread: threading.Thread | None = None
         self._cancelled = threading.Event()
         self._files: list[Path] = []  # the pictures of the frames of the newest run, which need not exist yet
-        self._number = 0  # of the newest run
+        self._number = 0  # the number of the newest run
         self._state: dict[str, Any] = {"state": "none"}  # the progress of the newest run
 
     def start(self, scene: Callable[[], Scene], look: str, rig: str) -> None:
-        """Start to render the turntables of a scene, that of the job's `look` and `rig`.
+        """Start to render the turntables of the scene of the job's `look` and `rig`.
 
-        The thread of the run calls `scene`, which returns it. Raises LookdevError if a run is in progress.
+        The thread of the run calls `scene`, which returns the scene. Raises LookdevError if a run is in progress.
         """
         with self._lock:
             if self._thread is not None and self._thread.is_alive():
@@ -128,7 +128,7 @@ class TurntableRuns:
             self._update_state(state="failed", error=f"{type(error).__name__}: {shorten(str(error))}")
 
     def _report(self, event: Event) -> None:
-        """Take over an event of the run, or end the run if it is cancelled."""
+        """Update the progress by an event of the run, or end the run if it is cancelled."""
         if self._cancelled.is_set():
             raise KeyboardInterrupt  # as Ctrl-C ends `lookdev render`
         match event:

@@ -50,7 +50,10 @@ class Workspace:
         return self.sources.is_unsaved(self.state.files, file)
 
     def save(self, file: Path | None, *, overwrite: bool) -> list[Path]:
-        """Write a file, or all with unsaved edits; unless `overwrite`, raise ConflictError if one changed on disk."""
+        """Write a file, or all files with unsaved edits; return the files that were written.
+
+        Raises ConflictError if one of them has changed on disk, unless `overwrite` is true.
+        """
         targets = [target for target in self.sources.files if self.is_unsaved(target)] if file is None else [file]
         changed = self.sources.changed_files()
         if not overwrite and (conflicts := [target for target in targets if target in changed]):
@@ -83,7 +86,7 @@ class Workspace:
         return contents
 
     def accept(self, contents: Mapping[Path, bytes]) -> None:
-        """Record contents as those that are known to be on disk."""
+        """Record that files have these contents on disk, as other programs have written them."""
         for file, content in contents.items():
             self.sources.set_known_digest(file, digest(content))
 
@@ -93,7 +96,7 @@ class Workspace:
             self.sources.set_known_digest(file, self.sources.digest_on_disk(file))
 
     def store_unsaved(self, scene_key: tuple[str, str]) -> None:
-        """Store unsaved work, for recovery after a crash."""
+        """Store unsaved work, for recovery after a crash; `scene_key` has the names of the visible look and rig."""
         if self._recovery is not None:
             edited_files = [file for file in self.sources.files if self.is_unsaved(file)]
             files = {file: (self.content(file), self.sources.known_digest(file)) for file in edited_files}

@@ -34,9 +34,10 @@ _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf
 
 
 class ExplorerApp:
-    """The Explorer's application with its threads; a page whose URL has no state shows the surfaces with texts `first`.
+    """The Explorer's application, with its threads.
 
-    The websocket of each page computes plots in `_threads`, and renders exact frames in `_rendering`.
+    `first` has the texts of the surfaces that a page shows if its URL has no state. The websocket of each page computes
+    plots in `_threads`, and renders exact frames in `_rendering`.
     """
 
     def __init__(self, surfaces: Surfaces, first: Sequence[str]) -> None:

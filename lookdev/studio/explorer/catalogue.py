@@ -21,9 +21,9 @@ MEASURED_SUFFIXES = (".binary", ".dat", ".bin")
 def catalogue(roots: Roots, library: Path | None) -> dict[str, object]:
     """Return the data that a page needs before it shows the first surface, for JSON.
 
-    `library` is a folder of presets, or None for the folders of `library_folders`. Of ``kinds``, ``uses`` are the
-    options that a kind of plot reads, ``most`` is the largest number of surfaces in a plot, and ``slow`` is whether the
-    page first shows a draft of the plot.
+    `library` is a folder of presets, or None for the folders of `library_folders`. ``kinds`` has a record for each kind
+    of plot: ``text`` describes the kind, ``uses`` are the options that it reads, ``most`` is the largest number of
+    surfaces in a plot, and ``slow`` is whether the page first shows a draft of the plot.
     """
     return {
         "models": {name: _model(model) for name, model in MODELS.items()},
@@ -60,7 +60,7 @@ def presets(library: Path | None) -> list[dict[str, str]]:
 
 
 def _model(model: Model) -> dict[str, object]:
-    """Return the record of a model, with those of its parameters."""
+    """Return the record of a model, which includes the records of its parameters."""
     live = live_parameters(model.name)
     return {
         "title": model.title,
@@ -74,8 +74,8 @@ def _model(model: Model) -> dict[str, object]:
 def _parameter(model: Model, parameter: Parameter, live: bool) -> dict[str, object]:
     """Return the record of a model's parameter.
 
-    ``live`` is whether it is a uniform of the page's shaders by default. ``stands`` is whether its values are
-    abbreviations of values of other parameters.
+    ``live`` is whether the parameter is a uniform of the page's shaders by default. ``stands`` is whether a value of
+    the parameter is an abbreviation for values of other parameters.
     """
     return {
         "name": parameter.name,

@@ -1,4 +1,4 @@
-"""The websocket of one page of the Explorer, on the server's side: it answers requests, which threads compute.
+"""The websocket of one page of the Explorer, on the server's side: it answers requests, by computations in threads.
 
 A request is a JSON object with an ``id``, a ``slot``, and the name ``do`` of the computation. The slot names what the
 answer updates, for example a plot. A later request of the same slot replaces one that has not begun: while a slider
@@ -27,13 +27,13 @@ from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.packets import encode_packet
 from lookdev.studio.websocket import CancelToken, PageSocket, SocketMessage, log
 
-_MAX_WAITING = 64  # requests of a page that wait; the oldest is dropped for a further one
-_MAX_LOGGED = 20  # refusals of a page that are logged
+_MAX_WAITING = 64  # largest number of waiting requests of a page; a further one drops the oldest
+_MAX_LOGGED = 20  # largest number of logged refusals of a page
 _CONCURRENT_REQUESTS = 3
 """Number of requests of one page that are computed at the same time."""
 
 _COMPUTATIONS = ("values", "describe", "shader", "pairs", "dome", "usd", "command")
-"""The values of ``do`` in requests, without ``render`` and ``cancel``, which `_compute` does not answer."""
+"""The values of ``do`` in requests that `_compute` answers: all except ``render`` and ``cancel``."""
 
 
 class InvalidRequest(LookdevError):
@@ -67,7 +67,7 @@ class ExplorerConnection:
         await self._socket.serve(self._handle_message)
 
     async def _handle_message(self, text: object) -> None:
-        """Take over the request in a message, or refuse the message."""
+        """Start, cancel or enqueue the computation that a message requests, or refuse the message."""
         try:
             request = _parse_request(text)
         except LookdevError as error:
@@ -82,7 +82,7 @@ class ExplorerConnection:
                 self._enqueue(request)
 
     def _enqueue(self, request: dict[str, object]) -> None:
-        """Add a request to those that wait, in place of the one with the same slot; drop the oldest of too many."""
+        """Let a request wait, in place of an earlier one with its slot; drop the oldest request if too many wait."""
         slot = str(request["slot"])
         self._waiting.pop(slot, None)
         if len(self._waiting) >= _MAX_WAITING:
@@ -202,9 +202,9 @@ def _compute(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage
 
 
 def _plot_values(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
-    """Return the values of a surface in a plot; those of a sampling test come with a note on its result."""
+    """Return the values of a surface in a plot; for a sampling test, add a note on the result of the test."""
     kind, options = _text_value(request, "kind"), parse_options(request.get("options", {}))
-    kind_named(kind)
+    kind_named(kind)  # raises an error if there is no such kind
     surface, moving = _text_value(request, "surface"), _text_value(request, "moving", "")
     values = surfaces.values(kind, surface, options, request.get("draft") is True, moving)
     note = {"note": sampling_note(values)} if "test" in values else {}

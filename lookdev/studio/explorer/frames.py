@@ -31,13 +31,13 @@ SIZE = 288
 """Side of a frame, in pixels."""
 
 _SAMPLES = 256  # largest number of samples per pixel
-_ERROR = 0.004  # relMSE at which a frame is done with fewer samples
+_ERROR = 0.004  # a frame with fewer samples is done if its relMSE is at most this
 
 
 class ExactFrames:
-    """The renderer of exact frames for all pages: it renders one frame at a time, and the others wait for it.
+    """The renderer of exact frames for all pages: it renders one frame at a time, and the other frames wait.
 
-    `_current` is the ticket of the frame that is being rendered. The worker process ends with `close`.
+    `_current` is the ticket of the frame that is being rendered, a `CancelToken`. The worker process ends with `close`.
     """
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class ExactFrames:
 
         The facts are ``samples``, ``relmse`` and ``seconds``. The pixels are ``beauty`` (h, w, 3), premultiplied and
         linear, and ``alpha`` (h, w); row 0 is at the top. `report` receives the progress. Raises ComputationCancelled
-        and the errors of workers.
+        if `ticket` is cancelled, and the errors of workers.
         """
         report({"state": "waiting"})
         while not self._render_lock.acquire(timeout=0.1):

@@ -14,7 +14,7 @@ from lookdev.studio.roots import Roots
 from lookdev.studio.server import serve_page
 
 DEFAULT_SURFACES = ("disney:baseColor=.72/.12/.08,roughness=.35", "pixar:surfaceColor=.72/.12/.08,roughness=.35")
-"""The surfaces of a command line without any: the two models of film, with the same colour and roughness."""
+"""The surfaces if the command line states none: the two models of film, with the same colour and roughness."""
 
 
 def explore(
@@ -28,10 +28,10 @@ def explore(
 ) -> None:
     """Serve the Explorer until the program is interrupted.
 
-    `subjects` are texts of the first surfaces, as `lookdev plot` reads them. `folders` are those whose files the page
-    may open, and `library` is a folder of presets. With `browser`, the browser opens the page. `say` receives messages
-    for the user, such as the URL. Raises LookdevError if one of `subjects` is wrong, a folder is missing, or the server
-    cannot listen at the address.
+    `subjects` are texts of the first surfaces, as `lookdev plot` reads them. The page may open the files in `folders`;
+    `library` is a folder of presets. With `browser`, the browser opens the page. `say` receives messages for the user,
+    such as the URL. Raises LookdevError if one of `subjects` is wrong, a folder is missing, or the server cannot listen
+    at the address.
     """
     with tempfile.TemporaryDirectory(prefix="lookdev-uploads-") as uploads:
         roots = Roots(Path(uploads))

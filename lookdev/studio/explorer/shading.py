@@ -1,6 +1,6 @@
 """Data with which the Explorer's page shades surfaces in GLSL: functions, uniforms, tables, light, reference values.
 
-The page compares its results with the reference values, which Python computes.
+Python computes the reference values; the page compares its own results with them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from lookdev.studio.explorer.surfaces import Surfaces
 DOME = "studio"
 """The built-in environment map that lights spheres, in the page's shaders and in exact frames."""
 
-_DOME_SAMPLES = 4096  # directions drawn from the dome for the page
+_DOME_SAMPLES = 4096  # directions that are drawn from the dome for the page
 _PAIR_COUNT = 2048  # pairs of directions with reference values
 
 
@@ -37,10 +37,13 @@ def live_parameters(model: str) -> frozenset[str]:
 
 
 def surface_shader(surfaces: Surfaces, text: str, extra: Collection[str] = ()) -> tuple[dict[str, object], PlotValues]:
-    """Return a header with the GLSL functions of the surface of a text, and the tables that they read.
+    """Return a header with the GLSL functions of a surface, which a text specifies, and the tables that they read.
 
-    In the header, ``text`` are the functions (see `LookFunctions`), ``prelude`` the text before them, ``numbers`` the
-    values of their uniforms, ``parameters`` the parameter of each uniform, and ``deltas`` the number of delta lobes.
+    In the header, ``text`` has the functions (see `LookFunctions`), and ``prelude`` is the text before them. By the
+    names of uniforms, ``numbers`` has their values, and ``parameters`` the parameters of the model. ``transmits`` is
+    whether the surface transmits light, ``deltas`` is the number of delta lobes, and ``attributes`` has the global
+    variable and the kind of each mesh attribute that the functions read.
+
     The uniforms are `live_parameters` and `extra`, which are further parameters, such as the normal of a lobe or an
     optional part of the model. A surface of several layers has no uniforms. Tables are (rows, `TABLE_WIDTH`).
     """
@@ -74,7 +77,7 @@ def reference_values(surfaces: Surfaces, text: str) -> PlotValues:
 
     ``value`` (n, 3) is the BSDF times the cosine, and ``pdf`` (n,) the density of ``wi``. For delta lobe number k,
     ``direction<k>`` and ``factor<k>`` are (n, 3). Directions are rounded to float32, so that the page and Python
-    evaluate the same ones.
+    evaluate the same directions.
     """
     subject = surfaces.subject(text)
     rng = np.random.default_rng(3)
@@ -100,9 +103,9 @@ def reference_values(surfaces: Surfaces, text: str) -> PlotValues:
 def dome() -> PlotValues:
     """Return the light of the dome `DOME` as a map and as samples, for the page.
 
-    ``radiance`` (h, w, 4) has the radiance and the density of the direction of each texel. Rows are in the order of the
-    polar angle from +z, columns in that of the azimuth. ``samples`` (2, n, 4) are drawn directions: row 0 has the
-    direction and its density, row 1 the radiance and 0.
+    A texel of ``radiance`` (h, w, 4) has the radiance from a direction, and the density with which the direction is
+    drawn. Rows follow the polar angle from +z, columns the azimuth. ``samples`` (2, n, 4) has n directions that were
+    drawn: row 0 has each direction and its density, row 1 its radiance and 0.
     """
     light = prepare_light(load_environment(builtin=DOME), sampled=False)
     height, width = light.table.shape[:2]

@@ -29,7 +29,7 @@ from lookdev.plotting.subject import LOOK_PATTERN, read_parameters, split_label
 from lookdev.studio.roots import Roots
 
 MAX_TEXT_LENGTH = 4000  # characters of the text of a surface
-_CACHE_SIZE = 64  # subjects, and compiled programs
+_CACHE_SIZE = 64  # largest number of cached subjects, and of cached programs
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
     """Return a subject whose BSDF f is evaluated by a compiled program.
 
     The program is the same for all values of the parameter `moving`. Subjects of measured data would gain little, and
-    subjects whose parameters change with the view cannot be compiled. These, and subjects of delta lobes alone, are
+    subjects whose parameters change with the view cannot be compiled. All these, and subjects of delta lobes alone, are
     returned unchanged.
     """
     if not subject.layers or not subject.is_view_independent or subject.is_delta:
@@ -117,7 +117,7 @@ class Surfaces:
     _subjects: dict[str, PlotSubject] = field(default_factory=dict)
 
     def subject(self, text: str, fresh: bool = False) -> PlotSubject:
-        """Return the subject of a text; with `fresh`, read its files again. Raises what `read_subject` raises."""
+        """Return the `PlotSubject` of a text; with `fresh`, read its files again. Raises what `read_subject` raises."""
         if len(text) > MAX_TEXT_LENGTH:
             raise LookdevError(f"a surface of {len(text)} characters; at most {MAX_TEXT_LENGTH} would be right")
         subject = None if fresh else self._subjects.get(text)
@@ -130,7 +130,7 @@ class Surfaces:
         return subject
 
     def values(self, kind: str, text: str, options: PlotOptions, draft: bool = False, moving: str = "") -> PlotValues:
-        """Return the values of a surface in a plot of a kind; with `draft`, those of a faster draft, if there is one.
+        """Return the values of a surface in a kind of plot, or with `draft` the values of a faster draft, if any.
 
         `moving` is the parameter that a slider moves at present, or empty.
         """
@@ -141,10 +141,10 @@ class Surfaces:
     def describe(self, text: str) -> dict[str, object]:
         """Return the data of a surface that a page edits: label, base, model and all parameter values.
 
-        ``base`` is the text before the parameters, a model or a preset. ``given`` has the values of parameters that the
-        text states, ``values`` those of all parameters, and ``usual`` those that they have if the text states none.
-        ``editable`` is whether the page can change the parameters, ``delta`` whether the surface scatters along single
-        directions only, and ``look`` whether the text names a look in a file.
+        ``base`` is the text before the parameters, a model or a preset. ``given`` has the values that the text states,
+        by parameter; ``values`` has the values of all parameters; ``usual`` has the values of all parameters for a text
+        that states none. ``editable`` is whether the page can change the parameters, ``delta`` whether the surface
+        scatters along single directions only, and ``look`` whether the text names a look in a file.
         """
         label, rest = split_label(text, self.roots.locate)
         subject = self.subject(text, fresh=True)
@@ -235,7 +235,7 @@ def look_from_layers(layers: Sequence[StackLayer], name: str) -> Look:
 def non_default_parameters(model: Model, parameters: Parameters) -> dict[str, Input]:
     """Return the values of parameters that differ from their default.
 
-    If a parameter `follows` another one, its default is the value of that one.
+    If a parameter `follows` another parameter, its default is the other parameter's value.
     """
     stated: dict[str, Input] = {}
     for name, parameter in model.parameters.items():
@@ -265,7 +265,7 @@ def _parse_value(model: Model | None, name: str, text: str) -> str | float | lis
 
 
 def _values(model: Model | None, subject: PlotSubject) -> dict[str, object]:
-    """Return the values of a single layer's parameters, for JSON, without those that are paths of files."""
+    """Return the values of a single layer's parameters, for JSON, without values that are paths of files."""
     parameters = model.parameters if model else {}
     return {
         name: _plain_value(value) for name, value in (subject.parameters or {}).items() if not parameters[name].file

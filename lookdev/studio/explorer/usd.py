@@ -12,7 +12,7 @@ from lookdev.material.library.edit import model_look
 from lookdev.safe_text import read_text
 from lookdev.studio.explorer.surfaces import Surfaces, non_default_parameters
 
-_MAX_BYTES = 1 << 20  # of the file of a look
+_MAX_BYTES = 1 << 20  # largest file of a look, in bytes
 
 
 def usd_text(surfaces: Surfaces, text: str) -> str:

@@ -31,7 +31,7 @@ _FIXED_TEXELS = 2  # texels of a corner before the attributes of looks, as `Corn
 
 @dataclass(frozen=True)
 class TriangleRange:
-    """The triangles of a slot of the asset: those from `first` to `last` - 1."""
+    """The triangles of a slot of the asset: they have the numbers `first` to `last` - 1."""
 
     slot: int
     first: int
@@ -44,7 +44,8 @@ class CornerTexels:
 
     The first texel of a corner is its position relative to the asset's centre, in metres, and -1 if its instance is
     reflected, else 1. The second texel is its unit normal and the number of its slot. The attributes that looks read
-    follow; `attributes` has the texel of the corner, and the first component in it, of each.
+    follow: for each attribute, `attributes` has the number of its texel within a corner, and its first component in
+    this texel. `ranges` has the triangles of each slot.
 
     After the corners, from texel `hierarchy_start` on, is the `Hierarchy` of all triangles for shadow rays, with
     `hierarchy_nodes` nodes. If `hierarchy_start` is 0, there is no hierarchy.
@@ -141,8 +142,8 @@ def _instance_texels(
 def _sort_by_slot(rows: Floats32, slots: Ints, order: Sequence[int]) -> tuple[Floats32, tuple[TriangleRange, ...]]:
     """Return the rows of triangles in the order of their slots, and the range of each slot.
 
-    `rows` (triangles, 3, stride, 4) are texels, `slots` (triangles,) numbers of slots, and `order` these numbers in the
-    order of the result.
+    `rows` (triangles, 3, stride, 4) are texels, `slots` (triangles,) are numbers of slots, and `order` lists all slots
+    in the order of the result.
     """
     rank_of_slot = np.empty(len(order), np.int64)
     rank_of_slot[np.asarray(order)] = np.arange(len(order))
@@ -165,10 +166,11 @@ def _number_vertices(positions: Floats32) -> tuple[Records, NDArray[np.uint32]]:
     keys = np.ascontiguousarray(positions.reshape(-1, 3) + np.float32(0.0)).view(np.dtype((np.void, 12))).ravel()
     _, representative, inverse = np.unique(keys, return_index=True, return_inverse=True)
     triangles = inverse.reshape(-1, 3)
-    # For each vertex, the triangle whose number it has; for each triangle, the corner that has its number; -1 for none.
+    # A triangle owns the vertex that has its number. `owner` has the triangle that owns each vertex, and `last` has the
+    # corner of each triangle at which the triangle owns the vertex; -1 means none.
     owner = np.full(len(representative), -1)
     last = np.full(count, -1)
-    # Of the triangles without a number whose vertex at this corner is free, one for each vertex takes the vertex.
+    # Each vertex without an owner gets one, if a triangle that owns no vertex yet has the vertex at this corner.
     for corner in range(3):
         open_triangles = np.flatnonzero(last < 0)
         open_triangles = open_triangles[owner[triangles[open_triangles, corner]] < 0]

@@ -27,17 +27,17 @@ _NEIGHBOURS = 8  # clusters on each side along the Morton curve among which the 
 # joins neighbours along the curve instead.
 _MAX_CLUSTERS_PER_JOIN = 32
 _MAX_LEAF_TRIANGLES = 4  # largest number of triangles in a leaf
-_TRIANGLE_COST = 1.2  # cost of a triangle test, relative to that of a box test
+_TRIANGLE_COST = 1.2  # cost of a triangle test, relative to the cost of a box test
 _MORTON_CELLS = 1 << 10  # cells of the Morton curve along each axis
 _GRID_CELLS = 1 << 15  # cells of the grid of boxes along the longest axis
 
 
 @dataclass(frozen=True)
 class _Tree:
-    """A binary tree of n nodes: first the `leaves`, one for each triangle, then the inner nodes; the last is the root.
+    """A binary tree of n nodes: first a leaf for each triangle, then the inner nodes; the last node is the root.
 
-    The box of a node has the corners `low` and `high` (3, n). An inner node joins two earlier nodes; `children` (2, n -
-    leaves) are their numbers. Step k of the construction made the nodes from ``steps[k]`` to ``steps[k + 1] - 1``.
+    The box of a node has the corners `low` and `high` (3, n). An inner node joins two earlier nodes, its `children` (2,
+    n - leaves). Step k of the construction made the nodes from ``steps[k]`` to ``steps[k + 1] - 1``.
     """
 
     low: Floats32
@@ -57,15 +57,16 @@ class Hierarchy:
 
     The first texel is the grid on which boxes are stored: the lowest corner of the root's box, and the size of a cell.
 
-    A node is a texel. Its x, y and z are the extent of its box along an axis: the number of the box's first cell in the
-    lower 15 bits, and of its last cell in the next 15. `FIRST_BITS` is added to them, so that the bits are those of a
-    normal float. A traversal begins at the root, which is node 0. It goes from a node to the next texel, which is the
-    first child of an inner node. If a ray misses the box of an inner node, the traversal goes to node w instead. For a
-    leaf, w is -1 minus the index of the first of its triangles. The traversal ends after the last node.
+    A node is a texel. Each of its x, y and z is the extent of the node's box along an axis: the number of the box's
+    first cell in the lower 15 bits, and of its last cell in the next 15. `FIRST_BITS` is added to them, so that they
+    are the bits of a normal float. A traversal begins at the root, which is node 0. It goes from a node to the next
+    texel, which is the first child of an inner node. If a ray misses the box of an inner node, the traversal goes to
+    the node of number w instead. For a leaf, w is -1 minus the index of the first of its triangles. The traversal ends
+    after the last node.
 
-    The texels of a triangle are a corner and the triangle's number, an edge from this corner and the triangle's slot,
-    and the other edge from this corner and 1 for the last triangle of a leaf, else 0. float32 represents all these
-    numbers exactly, up to 2^24.
+    The first texel of a triangle has a corner and, as w, the triangle's number. The second has an edge from this
+    corner, and the number of the triangle's slot. The third has the other edge from this corner, and 1 if the triangle
+    is the last of its leaf, else 0. float32 represents all these whole numbers exactly, up to 2^24.
     """
 
     texels: Floats32
@@ -76,7 +77,7 @@ class Hierarchy:
         """Return the hierarchy of t > 0 triangles, from the positions `corners` (t, 3, 3) and numbers `slots` (t,)."""
         tree = _cluster_boxes(corners)
         order, indices, sizes, first = _lay_out_nodes(tree)
-        # The nodes in the order of the traversal; the nodes within leaves, with index -1, are not part of it.
+        # The nodes in the order of the traversal, which skips nodes within leaves; these have index -1.
         traversal_nodes = np.argsort(indices, kind="stable")[np.count_nonzero(indices < 0) :]
         nodes, size = len(traversal_nodes), sizes[traversal_nodes]
         texels = np.zeros((1 + nodes + 3 * len(corners), 4), np.float32)
@@ -118,7 +119,7 @@ def _cluster_boxes(corners: Floats32) -> _Tree:
     nodes = np.argsort(_morton_numbers(low[:, :count] + high[:, :count]), kind="stable")
     while (remaining := len(nodes)) > 1:
         lowest, highest, indices = low[:, nodes], high[:, nodes], np.arange(remaining)
-        # The distance and the position of the nearest neighbour of each cluster, among those near it on the curve.
+        # Find the nearest neighbour of each cluster among the clusters near it on the curve: distance and position.
         nearest, neighbour = np.full(remaining, np.inf, np.float32), np.zeros(remaining, np.int64)
         for step in range(1, min(_NEIGHBOURS, remaining - 1) + 1):
             a, b = slice(None, -step), slice(step, None)
@@ -127,7 +128,7 @@ def _cluster_boxes(corners: Floats32) -> _Tree:
                 nearer = joint_area < nearest[side]
                 np.copyto(nearest[side], joint_area, where=nearer)
                 np.copyto(neighbour[side], indices[opposite], where=nearer)
-        # The positions of the clusters that join their neighbour: the first of each pair.
+        # The positions of clusters that are joined with their neighbour; the neighbour comes later on the curve.
         joined = np.flatnonzero((neighbour[neighbour] == indices) & (indices < neighbour))
         if _MAX_CLUSTERS_PER_JOIN * len(joined) < remaining:
             joined = np.arange(0, remaining - 1, 2)

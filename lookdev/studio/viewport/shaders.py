@@ -33,7 +33,7 @@ A look that transmits samples the lights once for each side of the surface.
 
 @dataclass(frozen=True)
 class LookShaders:
-    """The fragment shaders of a look: `visible` finds the surface that a pixel sees, and `relight` its light.
+    """The fragment shaders of a look: `visible` finds the surface that a pixel sees, and `relight` computes its light.
 
     Looks with equal shaders share a WebGL program.
     """
@@ -115,7 +115,7 @@ def look_shaders(
         "SEE_THROUGH": int(look.program.see_through),
         "DRAWN": BSDF_SAMPLES,  # directions that the BSDF samples
         "LIT": LIGHT_SAMPLES * (1 + look.program.transmits),  # directions that the lights sample
-        "DIRECTIONS": f"(DRAWN + LIT + {look.program.deltas})",  # all directions, those of delta lobes included
+        "DIRECTIONS": f"(DRAWN + LIT + {look.program.deltas})",  # all directions, also of delta lobes
         "SHADOWS": int(shadows),
         "TRACED": (1 + look.program.transmits) * (shadows == Shadows.TRACED),  # sides with a shadow ray
         "CONVEX": int(convex),

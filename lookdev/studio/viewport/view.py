@@ -47,7 +47,7 @@ class SceneView:
     """A scene for the scripts in ``static/``: `data` for JSON, and `buffers`, the bytes that `data` names by digest.
 
     The data have the shaders, uniforms and textures of each look, and the range of its triangles. ``behind`` is the
-    shader of the background, and ``develop`` that which converts light to code values.
+    shader of the background, and ``develop`` is the shader that converts light to code values.
     """
 
     data: Mapping[str, object]
@@ -69,7 +69,9 @@ class _Part(TypedDict):
 
 
 def slider_constants(look: Look) -> LivePredicate:
-    """Return which constants of a look are uniforms: those that the look states, and the masks of layers over the base.
+    """Return a predicate of the number of a layer and the name of a constant: whether the constant is a uniform.
+
+    Uniforms are the constants that the look states, and the masks of the layers over the base.
 
     A uniform changes without compilation. Other constants are folded: the shader of a look without sheen has no code
     for sheen.
@@ -87,8 +89,8 @@ def view_scene(
 ) -> SceneView:
     """Return a scene for the page, as `view`, a view of a display, shows it.
 
-    `live` returns the predicate of a look's constants that are uniforms. `resolve` returns the file of an image. Both
-    are arguments of `look_functions`.
+    `live` returns, for a look, the predicate of the constants that are uniforms. `resolve` returns the file of an
+    image. Both are arguments of `look_functions`.
 
     Raises
     ------
@@ -184,7 +186,7 @@ def _camera(camera: Camera) -> Mapping[str, object]:
 def _look(
     look: Look, functions: LookFunctions, shaders: LookShaders, buffers: Buffers, parts: Sequence[_Part]
 ) -> Mapping[str, object]:
-    """Return a look for the page; its triangles are those of its `parts`, which follow each other."""
+    """Return a look for the page; its triangles are the triangles of its `parts`, which follow each other."""
     textures = dict(_textures(functions, buffers))
     for k, table in enumerate(functions.program.tables):
         values = np.load(table.path).astype(np.float32).ravel()

@@ -14,7 +14,10 @@ class FileRoutes(Routes):
 
     @json_route("/save", "POST")
     def save(self, query: Query) -> Mapping[str, Any]:
-        """Write all edited files, that of a ``look``, or a new file ``name``; ``over`` overwrites changes on disk."""
+        """Write all edited files, the file of a ``look``, or a new file ``name``.
+
+        ``over`` is whether changes on disk are overwritten.
+        """
         look, name, over = (query.body.get(key) for key in ("look", "name", "over"))
         is_wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
         if is_wrong or (name is None and not isinstance(over, bool)):

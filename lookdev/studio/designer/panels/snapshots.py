@@ -14,7 +14,7 @@ from lookdev.studio.designer.snapshots import MAX_PICTURE_BYTES
 
 
 class SnapshotRoutes(Routes):
-    """Requests that store a snapshot, whose picture is their body, and that show, drop or get one."""
+    """Requests that store a snapshot, whose picture is their body, and requests that show, drop or get a snapshot."""
 
     uploads = ("/picture",)
 
