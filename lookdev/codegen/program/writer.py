@@ -15,11 +15,11 @@ from lookdev.errors import CodegenError
 
 @dataclass
 class ProgramWriter:
-    """Writes the nodes of a graph as operations, each node once for an output, and collects what the operations read.
+    """Writes the nodes of a graph as operations, each node once, and collects what the operations read.
 
-    `outputs` has the indices of the operations whose results are an output's components, by the output's name. If
-    several outputs depend on a node, `operations` has the node's operation once for each of them. `constants` are the
-    values of uniforms, `tables` the tables that are looked up, `symbols` the names of symbols.
+    `outputs` has the indices of the operations whose results are an output's components, by the output's name. Several
+    outputs can depend on the operation of one node. `constants` are the values of uniforms, `tables` the tables that
+    are looked up, `symbols` the names of symbols.
     """
 
     operations: list[ProgramOperation] = field(default_factory=list)
@@ -33,7 +33,8 @@ class ProgramWriter:
     def add(self, name: str, roots: Sequence[Scalar]) -> None:
         """Write the nodes that `roots` depend on, and record `roots` as the components of the output `name`."""
         for node in post_order(roots):
-            self._numbers[node] = self._append(self._operation(node))
+            if node not in self._numbers:
+                self._numbers[node] = self._append(self._operation(node))
         self.outputs[name] = tuple(map(self._number, roots))
 
     def _append(self, operation: ProgramOperation) -> int:
@@ -43,8 +44,6 @@ class ProgramWriter:
 
     def _operation(self, node: GraphNode) -> ProgramOperation:
         """Return the operation of a node whose operands have been written."""
-        if node in self._numbers:
-            return self.operations[self._numbers[node]]
         match node:
             case Symbol(name=name):
                 self.symbols.add(name)
