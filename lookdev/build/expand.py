@@ -25,9 +25,9 @@ def expand_material(
 
 
 def expand_looks(job: Job, assets: AssetReader, findings: Findings) -> tuple[Job, dict[str, str]]:
-    """Return the job with expanded looks, and the key in the job file of each look by its name.
+    """Return the job with expanded looks, and the key of each look in the job file, by the look's name.
 
-    Raises FaultsError, before later steps can add faults, if there are too many looks or frames.
+    If there are too many looks or frames, raises FaultsError at once, before later steps add faults.
     """
     looks: list[JobLook] = []
     keys: dict[str, str] = {}
@@ -62,7 +62,10 @@ def _expand_table(table: JobLook, assets: AssetReader) -> Iterator[tuple[str, di
 def _expand(
     name: str, variants: Mapping[str, str], expand: Callable[[], Iterable[dict[str, str]]]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield names and variants; `expand` is called only if a variant is ``"*"``, and returns all combinations."""
+    """Yield the name and the variants of each look to which a look expands.
+
+    `expand` returns all combinations of variants. It is called only if a variant is ``"*"``.
+    """
     expanded = [variant_set for variant_set, variant in variants.items() if variant == "*"]
     for choice in expand() if expanded else [dict(variants)]:
         yield "_".join([name, *(choice[variant_set] for variant_set in expanded)]), choice

@@ -73,7 +73,7 @@ class JobWedge(JobAxis):
 
     @property
     def axes(self) -> tuple[JobAxis, ...]:
-        """The axes of the wedge: that of the rows of its contact sheets, and that of the columns if there are two."""
+        """The one or two axes of the wedge: first the axis of a contact sheet's rows, then the axis of its columns."""
         return (self,) if self.by is None else (self, self.by)
 
     @property

@@ -37,7 +37,11 @@ BACKEND = "mitsuba"
 
 @dataclass(frozen=True, eq=False)
 class JobFrame:
-    """A frame of a job: the tables of its look, rig and turntable, its number in the turntable, and its scene."""
+    """A frame of a job.
+
+    `table`, `rig` and `turntable` are the tables of its look, light and turntable. `number` is its number in the
+    turntable, from 1.
+    """
 
     table: JobLook
     rig: JobIbl | JobRig

@@ -93,8 +93,8 @@ class Target:
     def loss(self, a: Floats, b: Floats) -> float:
         """Return the weighted squared difference of two independent renders (H, W, C) from the picture, without bias.
 
-        It is divided by the weighted square of the picture. If it is smaller than the noise of the renders, it may be
-        negative.
+        The difference is divided by the weighted square of the picture. If it is smaller than the noise of the renders,
+        the result may be negative.
         """
         return float((self.weight * (a - self.value) * (b - self.value)).sum() / self.scale)
 
@@ -122,7 +122,7 @@ def _block_minima(values: Floats, side: int) -> Floats:
 
 
 def _mean_of_neighbours(values: Floats, weights: Floats) -> Floats:
-    """Return the weighted mean of each pixel's 24 neighbours, (H, W, C), or of all pixels if these have no weight."""
+    """Return the weighted mean (H, W, C) of each pixel's 24 neighbours, or of all pixels if they have no weight."""
     kernel = np.ones((5, 5))
     kernel[2, 2] = 0.0
     total = convolve(weights, kernel, mode="constant")
