@@ -64,9 +64,9 @@ def _render_catcher_parts(
 ) -> tuple[Floats32, Floats32, dict[str, Floats32]]:
     """Render a region of a frame with a shadow catcher, as `_render_region`, but in three renders.
 
-    They show the asset, the ground with the asset, and the ground without it. The parts are those that
-    `combine_catcher_halves` needs. Both renders of the ground have the same samples. Pixels of the ground that the
-    asset does not change are therefore equal in every bit.
+    The renders show the asset, the ground with the asset, and the ground without the asset. The returned parts are the
+    parts that `combine_catcher_halves` reads. Both renders of the ground have the same samples. Pixels of the ground
+    that the asset does not change are therefore equal in every bit.
     """
     pictures = {}
     for part in (ASSET, GROUND, BARE):
