@@ -26,7 +26,7 @@ from lookdev.bench.reference import (
 from lookdev.errors import LookdevError
 
 EXACT = "exact"
-"""The backend that the others are compared with. Only this backend also renders aimed pictures (`PictureKind`)."""
+"""All other backends are compared with this backend. Only this backend also renders aimed pictures (`PictureKind`)."""
 
 PictureKind = Literal["raw", "denoised", "aimed", "aimed, denoised"]
 """How a picture is made. Samples are added to an aimed picture until it estimates `BenchOptions.target_estimate`."""
@@ -35,7 +35,7 @@ PICTURES: tuple[PictureKind, ...] = ("raw", "denoised")
 """The kinds of pictures that have a given number of samples."""
 
 MAX_EXTRAPOLATION = 4.0
-"""The largest effort (seconds or samples) to which a curve is extrapolated, over the effort of its last point."""
+"""A curve is extrapolated to at most this number of times the effort (seconds or samples) of its last point."""
 
 _MAX_EXTRAPOLATION_DENOISED = 64.0  # the same for denoised curves, with `BenchOptions.independent`
 _SEEDS_PER_REPEAT = FIRST_SEED // (SEEDS * MAX_REPEATS)  # seeds that are reserved for the renders of one repeat

@@ -1,7 +1,7 @@
 """Benchmark that shows where a second of rendering goes: it switches off parts of the ``exact`` shader step by step.
 
 A stage is the scene with some parts switched off: one part more than in the stage before it. The time of a part is the
-difference between these two stages in the same repeat, so the times of all parts add up to that of the frame.
+difference between these two stages in the same repeat, so the times of all parts add up to the time of the frame.
 
 The shader is generated from a template with sections, each a group of lines with a name (`lookdev.codegen.templates`).
 To switch off a part, the cheapest lines replace the sections of this part. They only set the variables that other

@@ -126,9 +126,10 @@ def _define_sheet(stage: Any, path: str, side: int) -> None:
 def _define_mesh(
     stage: Any, path: str, points: NDArray[Any], faces: NDArray[Any], uvs: NDArray[Any], uvs_of: str
 ) -> Any:
-    """Add a mesh to a stage: points (n, 3), corners of each face (faces, 4), and UVs of points or of corners of faces.
+    """Add a mesh to a stage, with points (n, 3) and faces (f, 4), which are the point numbers of their corners.
 
-    `uvs_of` is the interpolation of the UVs in USD: ``vertex`` or ``faceVarying``.
+    The UVs belong to points or to corners of faces: `uvs_of` is their interpolation in USD, ``vertex`` or
+    ``faceVarying``.
     """
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
@@ -206,7 +207,8 @@ class ScaleBenchmark(Benchmark):
             planned, sample, memory = self.medians(case, way)
             row = [f"{case}, {way}", f"{planned:.2f}", f"{sample:.2f}", f"{memory / MEGABYTE:.0f}", "", ""]
             if way != "lookdev":
-                # The last two cells: seconds to the first sample and memory of lookdev, divided by those of this row.
+                # The last two cells are the seconds to the first sample and the memory of lookdev, divided by the
+                # figures of this row.
                 _, ours, our_memory = self.medians(case, "lookdev")
                 row[-2:] = f"x{ours / sample:.2f}", f"x{our_memory / memory:.2f}"
             rows.append(row)

@@ -219,7 +219,7 @@ def choose_samples(
 
 
 def _fewest_samples(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]], target: float) -> int:
-    """Return the first of increasing numbers of samples with a mean error over the curves of at most `target`."""
+    """Return the first of increasing numbers of samples for which the mean error of the curves is at most `target`."""
     number = bisect_left(counts, True, key=lambda count: _mean_error(curves, count) <= target)
     if number == len(counts):
         raise LookdevError(f"relMSE {target:g} is out of reach of {counts[-1]} samples: nothing to compare")

@@ -46,7 +46,7 @@ class AssignedAsset:
 
 @dataclass(frozen=True)
 class Assignment:
-    """The origin of the material of a part in a ``[[look]]`` of a job.
+    """The statement in a ``[[look]]`` from which a part has its material.
 
     `assign` is the index of the ``assign`` table, and `pattern` is the pattern of this table that fits the part. If
     `assign` is None, the part has the ``material`` of the ``[[look]]`` itself.

@@ -1,9 +1,9 @@
 """The check "albedo" of `lookdev check`: compares the directional albedo of a look, computed in three ways.
 
 The albedo is computed in NumPy by quadrature and by importance sampling (`lookdev.reference.albedo`), and by Cycles.
-Cycles renders a card with the look, first under light from its front, which shows the reflected light, then from its
-back, which shows the transmitted light. A look that varies over a surface is checked at a few random points. At each
-point its textures are replaced by their values, so that the look is constant.
+Cycles renders a card with the look under light from two sides. Light from the front shows the reflected light. Light
+from the back shows the transmitted light. A look that varies over a surface is checked at a few random points. At each
+point, the values of its textures replace the textures, so that the look is constant.
 """
 
 from __future__ import annotations

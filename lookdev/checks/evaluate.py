@@ -50,7 +50,7 @@ class Batch:
     wo, wi : (n, 3)
         Unit directions to the viewer and to the light, in the frame whose z is the normal.
     numbers
-        A dictionary for each layer. It has the values of the parameters, (n,) or (n, 3), by name, and those of the
+        A dictionary for each layer. It has the values of the parameters, (n,) or (n, 3), by name, and the values of the
         mask, (n,), by the key ``"mask"``. Constants of the layer are left out.
     """
 
@@ -282,7 +282,7 @@ def _parse_layer(
     expand_tokens(model, declared, params)  # raises ModelError if an expression replaces a parameter that a token sets
     parameters = complete_parameters(model, {name: value for name, value in params.items() if name not in formulas})
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
-    # An optional number with its default is a constant: the generated code then equals that of looks without it.
+    # An optional number with its default is a constant: the generated code is then the same as without the number.
     defaults = MODELS[model].optional_defaults()
     constants = {
         name: default for name, default in defaults.items() if parameters[name] == default and name not in formulas

@@ -267,7 +267,7 @@ class Gap:
 
 
 def measure_gap(exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> Gap:
-    """Compare the exact picture with another one, each given by two independent halves (H, W, 3).
+    """Compare the exact picture with another picture, each given by two independent halves (H, W, 3).
 
     The halves are premultiplied and have exposure 0. `alpha` (H, W) is the coverage.
     """

@@ -129,7 +129,7 @@ def _add_rigs(task: BlendTask, scene: BlenderScene) -> list[bpy.types.Collection
 
 
 def _link_rigs(rigs: Sequence[bpy.types.Collection], scene: bpy.types.Scene) -> None:
-    """Link the collections of rigs into a scene, except empty ones; its view layer excludes all but the first rig."""
+    """Link the collections of rigs that are not empty into a scene; its view layer excludes all but the first rig."""
     for number, rig in enumerate(rigs):
         if rig.objects:
             scene.collection.children.link(rig)

@@ -324,7 +324,7 @@ _ATTRIBUTE_TYPES = {
     ("f", 1): ("FLOAT", "value"),
     ("f", 2): ("FLOAT_VECTOR", "vector"),
 }
-"""Blender's type of attribute and its field, by the kind of NumPy's type and the number of dimensions of an array.
+"""Blender's type of attribute and its field, by two properties of an array: the kind of its NumPy type, and `ndim`.
 
 Colours are stored as vectors, to which Blender applies no colour space.
 """

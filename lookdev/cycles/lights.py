@@ -248,7 +248,7 @@ class _LightNodes:
         )
 
     def texel(self, light: RectLight) -> bpy.types.NodeSocket:
-        """Return the colour of a rectangle's texture, whose first column is at +x, and whose top row is at +y."""
+        """Return the colour of a rectangle's texture. Its first column is at +x, and its top row is at +y."""
         assert light.texture
         x, y, _ = self.add("SeparateXYZ", {0: self.object_position()}).outputs
         is_mirrored = np.linalg.det(np.array(light.axes)) < 0.0

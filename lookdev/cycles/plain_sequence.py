@@ -35,7 +35,7 @@ class SequenceCamera(TypedDict):
 
     fov: float  # horizontal
     elevation: float
-    distance: float  # from the target
+    distance: float  # the distance from the target
     target: list[float]  # the point that it looks at
 
 

@@ -56,8 +56,8 @@ def render_table(
 ) -> Floats32:
     """Return the emission (n, 3) of a shader that reads the rows of a table (n, columns), one row in each pixel.
 
-    In the file of the table, a row has `cells` texels of three channels. The shader has the parameters `points_file`,
-    which is this file, `columns` and `rows`, which are the size of the picture, and `values`. `arrays` has the default
+    In the file of the table, a row has `cells` texels of three channels. The parameters of the shader are
+    `points_file` (this file), `columns` and `rows` (the size of the picture), and `values`. `arrays` has the default
     values of array parameters, by name.
     """
     count, width = table.shape

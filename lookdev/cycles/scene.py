@@ -265,7 +265,7 @@ class BlenderScene:
         return pose.element if self.is_osl else self._frame_turn(pose)
 
     def _frame_turn(self, pose: Pose) -> float:
-        """Return the angle, in degrees, by which `BlenderScene.pose` turns everything except the world backwards."""
+        """Return the angle in degrees: in a pose, everything except the world is turned backwards by this angle."""
         return 0.0 if are_domes_still(self.task.lights) else pose.lighting
 
     def select_catcher_part(self, part: int) -> None:

@@ -219,7 +219,7 @@ class JobRender(JobTable):
     def _check_passes(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
         value = tuple(name for name in value if name not in ALWAYS_WRITTEN)
         check_feature("passes", info.data.get("backend", ""), value)
-        # The order is always that of `PASSES`, so that frames with the same passes have the same digest.
+        # The order is always as in `PASSES`, so that frames with the same passes have the same digest.
         return tuple(name for name in PASSES if name in value)
 
     @property

@@ -43,7 +43,7 @@ class JobAxis(JobTable):
 
     @property
     def steps(self) -> tuple[WedgeInput, ...]:
-        """The values of the parameter, one for each step; those of a range are rounded to 6 significant digits."""
+        """The values of the parameter, one for each step. Values of a range are rounded to 6 significant digits."""
         if self.range is None:
             return self.values or ()
         first, last, count = self.range

@@ -57,7 +57,7 @@ class Features:
         return view.first_hits(mi, self._geometry, pixel, lane & (size - 1), sobol.hash_integers(pixel))[:4]
 
     def center_passes(self, view: KernelView, task: FrameTask) -> dict[str, Floats32]:
-        """Return those of `CENTER_PASSES` that a task requests, by name, (H, W, channels) each."""
+        """Return the passes in `CENTER_PASSES` that a task requests, by name, (H, W, channels) each."""
         mi, requested = self._mi, CENTER_PASSES.intersection(task.scene.sampling.passes)
         pixel = dr.arange(mi.UInt32, view.width * view.height)
         row = pixel // view.width
@@ -133,7 +133,7 @@ class Features:
     def _hits_in_depth(
         self, view: KernelView, first: int, count: int, size: int
     ) -> Iterator[tuple[Ints, Ints, Floats]]:
-        """Yield the surfaces along camera rays: the first surface, then surfaces that are seen through earlier ones.
+        """Yield the surfaces along camera rays: the first surface, then surfaces that are seen through others.
 
         Each item has three arrays over samples: the number of the instance, the number of the source (the code of a
         look), and the visible share of the surface.

@@ -108,7 +108,7 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
     base: Any = mi.BSDF
 
     class LookBSDF(base):  # type: ignore[misc]
-        """A BSDF that evaluates and samples by the program of a look. Methods are those of `mitsuba.BSDF`.
+        """A BSDF that evaluates and samples by the program of a look. The methods are as in `mitsuba.BSDF`.
 
         `numbers` has the values of live inputs by name. A texture in `textures` replaces the number with its name.
 

@@ -98,7 +98,7 @@ class RigSampler(SceneLights):
         return [light[0] for light in radiance], hidden
 
     def zero_light(self) -> list[Arriving]:
-        """Return zero light, as a list like that of `split_by_group`."""
+        """Return zero light, as a list like the result of `split_by_group`."""
         return [(self._mi.Color3f(0.0), self._mi.Color3f(0.0)) for _ in range(1 + self.groups)]
 
 

@@ -66,9 +66,9 @@ class SceneLooks:
                     geometry.attribute(binding)
 
     def update(self, task: SceneTask) -> bool:
-        """Set the constants to those of another task, and return True, if its sources differ only in constants.
+        """Change to the constants of another task, if its sources differ only in constants; return whether they do.
 
-        Otherwise change nothing, and return False.
+        Otherwise nothing changes.
         """
         updated, numbers = _distinct_sources(task)
         if numbers != self._numbers.numpy().tolist() or len(updated) != len(self.sources):

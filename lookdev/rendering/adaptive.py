@@ -32,7 +32,7 @@ _LEAST_GROWTH = 0.05  # a round over rectangles adds at least this share of a ha
 _LAST_ROUND = 24  # from this round on, each round doubles the samples, so that the seeds of a frame suffice
 _TILE_SIDE, _TILES_PER_SIDE = 16, 32  # the least pixels along a side of a tile; the most tiles along a side of a frame
 _CALL_COST = 1024.0  # the time of a call of the renderer, over the time of one sample of a pixel on the asset
-_BACKGROUND_COST = 0.1  # the time of a sample of a pixel without the asset, over that of a pixel on the asset
+_BACKGROUND_COST = 0.1  # the time of a sample outside the asset, over the time of a sample on the asset
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Region:
     rows: slice
     columns: slice
     samples: int
-    is_whole_frame: bool = False  # in a round over the whole frame, which also updates the variance of each pixel
+    is_whole_frame: bool = False  # whether the round is over the whole frame, and updates the variance of each pixel
 
 
 Round = tuple[tuple[Region, ...], tuple[Region, ...]]
@@ -266,9 +266,9 @@ class _Tree:
 
 
 def _tile_edges(size: int, side: int) -> Ints:
-    """Return the edges of tiles of `side` pixels along a frame's side of `size` pixels.
+    """Return the edges of tiles along a side of a frame; the side has `size` pixels, and a tile has `side` pixels.
 
-    The last tile is at least half as long as the others.
+    The last tile has at least half of these pixels.
     """
     return np.asarray([*range(0, size - side // 2, side), size] if size > side // 2 else [0, size])
 

@@ -68,7 +68,7 @@ class AnswerStream:
     def send_failure(self, digest: str, error: Exception) -> None:
         """Report why a frame cannot be rendered.
 
-        An OutputError, such as that of a full disk, is marked as `unwritable`, because it would also stop all other
+        An OutputError, for example because of a full disk, is marked as `unwritable`: it would also stop all other
         frames.
         """
         if isinstance(error, OutputError):

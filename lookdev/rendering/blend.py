@@ -55,7 +55,7 @@ class BlendTask:
     """
 
     file: Path
-    scenes: Mapping[str, SceneTask]  # by the name of the look; sources are nodes, lights are those of the first rig
+    scenes: Mapping[str, SceneTask]  # by the name of the look; sources are nodes, and lights are from the first rig
     rigs: tuple[BlendRig, ...]
     turntables: tuple[BlendTurntable, ...]  # their frames are numbered consecutively from 1
     images: tuple[BlendImage, ...]

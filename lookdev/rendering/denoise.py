@@ -1,4 +1,4 @@
-"""Denoising of a frame: denoised pixels are mixed with raw ones, and the error of the result is measured.
+"""Denoising of a frame: denoised pixels are mixed with raw pixels, and the error of the result is measured.
 
 A frame is rendered as two independent halves of its samples, each a picture of the whole frame. The mixture prevents
 denoising from making a frame worse. `lookdev.rendering.frame` calls `denoise_halves` after each round of samples.

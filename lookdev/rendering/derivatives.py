@@ -33,7 +33,7 @@ class DerivativeTask:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that the worker writes: none, since it answers with arrays."""
+        """The files that the worker writes: there are none, since it answers with arrays."""
         return ()
 
 

@@ -78,7 +78,7 @@ LIGHTS_PASS = "lights"
 
 
 def light_layer(group: str) -> str:
-    """Return the name of the array with the light of a group of lights; the layer in the EXR has the same name."""
+    """Return the name of the array that has the light of a group; the layer in the EXR has the same name."""
     return f"light_{group}"
 
 
@@ -103,5 +103,5 @@ def channels_of_passes(passes: Collection[str], groups: Sequence[str] = ()) -> d
 
 
 def light_parts(passes: Iterable[str], groups: Sequence[str]) -> frozenset[str]:
-    """Return the names of those arrays of some passes that are parts of the beauty: exposure applies to them."""
+    """Return the names of the arrays in some passes that are parts of the beauty, so that exposure applies to them."""
     return frozenset(channels_of_passes([name for name in passes if PASSES[name].light], groups))

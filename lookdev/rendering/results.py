@@ -41,7 +41,7 @@ class ProgressMessage(BaseModel):
 
 
 class ResultMessage(BaseModel):
-    """A frame is rendered. Fields that are not commented are those of `RenderedFrame`."""
+    """A frame is rendered. Fields without a comment are as in `RenderedFrame`."""
 
     type: Literal["done"]
     digest: str

@@ -64,7 +64,7 @@ class Worker:
     timeout
         Seconds without an answer after which the process counts as hung.
     variables
-        Environment variables of the process in addition to those of this process.
+        Environment variables of the process, in addition to the variables of this process.
     cores
         The cores that the process may run on. By default, the process may run on the cores of this process.
     """

@@ -28,8 +28,8 @@ from lookdev.space import REC709
 def store_frame(task: FrameTask, rendered: WorkerFrame) -> StoredFrame:
     """Write the files of a frame, and return its figures and notes for the user; raises OutputError.
 
-    The notes include those of `frame_doubts`. For a frame of reference props, such as a colour chart, the colours of
-    the props are measured, and the notes state deviations from what the light predicts.
+    The notes include the results of `frame_doubts`. In a frame of reference props, such as a colour chart, the colours
+    of the props are measured. The notes state deviations from the colours that follow from the light.
     """
     beauty, constant = exposed_beauty(task, rendered), all(light.constant for light in task.scene.lights)
     # A strip of props that is too small in the picture to be measured has a size note.

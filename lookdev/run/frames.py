@@ -182,7 +182,7 @@ class RunFrames:
     def _render_unclaimed(
         self, tasks: Sequence[FrameTask], executor: Executor, *, skip_scenes: bool
     ) -> list[FrameTask]:
-        """Render the frames that no other run has claimed; return the others.
+        """Render the frames that no other run has claimed; return the other frames.
 
         With `skip_scenes`, a frame that follows a claimed frame of its scene is not rendered either. The returned
         frames are sorted by scene, from the last frame of a scene to its first. The order of the scenes is random, and

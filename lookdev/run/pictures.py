@@ -181,7 +181,7 @@ class PictureWriter:
 
 
 def link_to_first(paths: Sequence[Path]) -> None:
-    """Make the file at the first path appear at the others, too, by links or copies."""
+    """Make the file at the first path also appear at the other paths, by links or copies."""
     for path in paths[1:]:
         link_or_copy(paths[0], path)
 

@@ -77,7 +77,7 @@ def render_job(
     prepare
         The function that plans the frames: `lookdev.plan.prepare.plan_job`, except in tests.
     rules
-        The path rules, which replace beginnings of paths, such as those of another machine.
+        The path rules. They replace beginnings of paths, for example of paths on another machine.
     output
         The output folder, instead of the job's.
     chunk
@@ -148,7 +148,7 @@ def mapped_files(rules: PathRules) -> AbstractContextManager[None]:
 
 
 def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:
-    """Load a job. `output` and the kind of `device` replace those of the job if they are not None.
+    """Load a job. `output` and `device`, a kind of device, replace the values of the job if they are not None.
 
     Raises JobError, and LookdevError where the backend of the job does not run on the device.
     """

@@ -79,7 +79,7 @@ class RunInfo:
 class Runs:
     """The runs of an output folder, as one observer sees them; `state` is the state folder, ``.lookdev``.
 
-    The observer remembers heartbeats to detect new ones.
+    The observer stores the last heartbeat of each run, to detect new heartbeats.
     """
 
     def __init__(self, state: Path) -> None:
@@ -225,8 +225,8 @@ class Run:
                 return True
             if owner is not None and self.runs.is_alive(owner):
                 return False
-            # If the claim is that of a dead run, the next number is tried. If the claim has been released in the
-            # meantime, the same number is tried again.
+            # If a dead run has the claim, the next number is tried. If the claim has been released in the meantime, the
+            # same number is tried again.
             number += file.exists()
 
     def release(self, name: str) -> None:

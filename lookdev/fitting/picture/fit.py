@@ -89,7 +89,7 @@ class PictureFit:
     rows
         The parameters for the table of the report.
     block
-        The side, in pixels, of the blocks of the picture that were compared with pixels of renders.
+        The side, in pixels, of a block of the picture. A block was compared with one pixel of a render.
     noise_from
         A text that states how the noise of the picture is known.
     written, notes

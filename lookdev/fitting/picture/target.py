@@ -30,7 +30,7 @@ _MIN_DARK_ERROR = 0.02
 
 
 def block_side(size: tuple[int, int], pixels: int) -> int:
-    """Return the side of the square blocks of pixels that are compared with one pixel of a render.
+    """Return the side of the square blocks of the picture; a block is compared with one pixel of a render.
 
     `size` is the width and the height of the picture. The side divides both, and is the largest that leaves at least
     `pixels` blocks, or 1. Renders have a box filter, so the mean of a block corresponds to a pixel of a render.

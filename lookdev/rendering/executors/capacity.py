@@ -31,7 +31,7 @@ class CpuUse:
 
     @classmethod
     def of(cls, processes: Iterable[int]) -> CpuUse:
-        """Measure the use of some running processes, by their ids, and of this one."""
+        """Measure the use by some running processes, given by their ids, and by this process."""
         used = sum(map(_cpu_seconds, {os.getpid(), *processes}))
         allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
         rows = (line.split() for line in Path("/proc/stat").read_text().splitlines())

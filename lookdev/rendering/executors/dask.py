@@ -66,8 +66,8 @@ _PART_BYTES = 32 << 20  # the most bytes of a file in one message
 _CHUNKS_PER_WORKER = 2  # a worker renders one chunk while the next is sent
 _POLL = 1.0  # seconds between checks of the cluster
 _NO_WORKER_NOTE = 15.0  # seconds without a worker after which the user gets a note
-_CORES_PER_WORKER = 4  # in a cluster on this machine
-_MEMORY_PER_WORKER = 2 << 30  # bytes, in a cluster on this machine
+_CORES_PER_WORKER = 4  # the cores for each worker of a cluster on this machine
+_MEMORY_PER_WORKER = 2 << 30  # the bytes for each worker of a cluster on this machine
 
 
 @dataclass(eq=False)
@@ -364,7 +364,7 @@ class DaskExecutor:
                         raise OutputError(f"worker {worker} cannot keep a file: {answers[worker]}")
 
     def _check_versions(self, backend: str) -> None:
-        """Raise WorkerError where the versions of a connected worker differ from those of this process."""
+        """Raise WorkerError where the versions of a connected worker differ from the versions of this process."""
         try:
             by_worker = self._client.run(package_versions, backend, on_error="return")
         except Exception as error:

@@ -62,7 +62,7 @@ class FrameAnswer:
 
     number: int  # the index of the frame in the chunk
     result: WorkerFrame | StoredFrame | str  # pixels, or figures of a written file, or the reason of a failure
-    seconds: float  # from the start of the frame to its result
+    seconds: float  # the time from the start of the frame to its result
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ class FrameQueue:
             # All frames of a scene refer to the same `SceneTask`. Its id identifies the scene, without a slow
             # comparison of values.
             self._waiting.setdefault(id(task.scene), deque()).append(task)
-        self._scene_of: dict[Hashable, int] = {}  # by worker
+        self._scene_of: dict[Hashable, int] = {}  # the id of the scene that each worker renders, by worker
         # The seconds that the latest frame of each scene took, by scene. Each worker's first frame of a scene does not
         # count.
         self._seconds: dict[int, float] = {}
