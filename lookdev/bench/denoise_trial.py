@@ -1,8 +1,8 @@
 """Benchmark that renders random denoised frames, and compares their estimated errors with their true errors.
 
-The benchmark also counts the denoised frames that have a larger error than the raw frame. It draws an asset, a look, a
-light and a pose at random, and renders one reference, which is a converged picture, and one frame for each number in
-`SAMPLES`. The true error of a frame is its relMSE against the reference, minus the relMSE of the reference itself.
+The benchmark also counts the denoised frames that have a larger error than the raw frame. An asset, a look, a light and
+a pose are drawn at random. A reference, which is a converged picture, and a frame for each number in `SAMPLES` are
+rendered. The true error of a frame is its relMSE against the reference, minus the relMSE of the reference itself.
 """
 
 from __future__ import annotations

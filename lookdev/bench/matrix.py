@@ -29,7 +29,9 @@ OpenCandidates = Callable[[Cell, BenchOptions], AbstractContextManager[list[Cand
 """A function that returns a context manager. It yields the backends that can render a cell, and ends them."""
 
 BACKEND_CHECKS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), check_mitsuba)
-"""Functions that raise RenderError if this machine lacks a backend, by the backend's name."""
+"""Functions that raise RenderError if this machine lacks a backend, by the name of the backend.
+
+All other backends are on every machine."""
 
 
 @contextmanager

@@ -101,8 +101,8 @@ class CurvePoint(MeasuredError):
 class CurveEffort:
     """The effort at which a curve reaches an error, or a ratio of two such efforts.
 
-    `mark` is "" within the measured range, and "~" if the curve was extrapolated. It is "<" or ">" if the value is only
-    a bound because the first point of a curve is below the error already.
+    `mark` is "" within the measured range, and "~" if the curve was extrapolated. `mark` is "<" or ">" if the value is
+    only a bound, because the first point of a curve is below the error already.
     """
 
     value: float

@@ -1,6 +1,6 @@
 """A render worker for Mitsuba 3's own principled BSDF: ``python -m lookdev.bench.mitsuba_worker``.
 
-The benchmark starts this worker for the backend `mitsuba-principled`. It has the same protocol as the worker in
+The benchmark starts this worker for the backend `mitsuba-principled`. The worker has the same protocol as the worker in
 `lookdev.cycles`: frame tasks on standard input, answers on standard output. A task contains a `PrincipledSource`, with
 values for the sockets of Blender's Principled BSDF. The worker translates these values to Mitsuba's ``principled``. The
 models differ, so the pictures of the two renderers are only similar. `samples`, `seed` and `bounces` mean the same as

@@ -142,7 +142,7 @@ def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
 
 
 def _one_dome_gaps(lights: Sequence[Light]) -> Sequence[str]:
-    """Return why backend `mitsuba-principled` cannot render lights: it renders one plain dome only."""
+    """Return why backend `mitsuba-principled` cannot render lights: the backend renders one plain dome only."""
     if len(lights) == 1 and lights[0].kind == "dome" and is_plain(lights[0]):
         return ()
     return ["the bench lights Mitsuba by one dome alone, in its own axes"]

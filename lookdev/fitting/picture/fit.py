@@ -168,7 +168,7 @@ def fit_picture(request: PictureFitRequest, report: Callable[[LossPoint], None] 
     Raises
     ------
     LookdevError
-        The picture, the job or a parameter is wrong, or they do not match. This is raised before any render.
+        The picture, the job or a parameter is wrong, or they do not match. This error is raised before any render.
     WorkerError, RenderError
         The renderer fails, or is not installed; the message then names the extra for pip.
     """

@@ -3,9 +3,9 @@
 - Rocklin 2015, "Dask: Parallel Computation with Blocked algorithms and Task Scheduling"; https://distributed.dask.org
 
 The executor submits chunks to Dask. A chunk is one task of Dask, and consists of frames of one scene that take about 15
-seconds (`frame_queue`). Each worker gets two chunks at a time. An adaptive scheduler then sees more work than its
-workers can do, and starts more workers. The chunks of a lost worker go to other workers. If a worker answers that it
-lacks files, the executor sends them, once. `dask_worker` is the code that runs on the workers.
+seconds (`frame_queue`). Each worker gets two chunks of its scene at a time. An adaptive scheduler then sees more work
+than its workers can do, and starts more workers. The chunks of a lost worker go to other workers. If a worker answers
+that it lacks files, the executor sends them, once. `dask_worker` is the code that runs on the workers.
 """
 
 from __future__ import annotations
@@ -261,7 +261,7 @@ class DaskExecutor:
         return mark
 
     def _submit_chunk(self, chunk: _Chunk) -> None:
-        """Submit a chunk to Dask. When it has ended, it is put into `_incoming`."""
+        """Submit a chunk to Dask. When the chunk has ended, it is put into `_incoming`."""
         self._number += 1
         chunk.future = self._client.submit(
             render_chunk,
@@ -429,7 +429,7 @@ class DaskExecutor:
 
 
 async def _connect_once(address: str) -> None:
-    """Raise ValueError where an address is malformed, OSError where no scheduler answers at it."""
+    """Raise ValueError where an address is malformed, and OSError where no scheduler answers at the address."""
     from distributed.comm import connect
     from distributed.security import Security
 

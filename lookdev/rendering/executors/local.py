@@ -85,7 +85,7 @@ class _WorkerThread:
         self.worker.kill()
 
     def _serve(self) -> None:
-        """Render the assigned frames, in the thread, until it is to end."""
+        """Render the assigned frames, in the thread, until the thread is to end."""
         while (task := self._inbox.get()) is not None and not self._closing:
             try:
                 self._render(task)
@@ -187,7 +187,7 @@ class LocalExecutor:
             yield event
 
     def _is_worker_worthwhile(self, frames: FrameQueue, memory: int, seconds: float) -> bool:
-        """Return whether another worker is worth it, by idle cores since the last measurement and by free memory.
+        """Return whether another worker gains more than it costs, by idle cores since the last measurement and memory.
 
         memory : the bytes that a worker takes; seconds : the seconds that a frame takes.
         """

@@ -266,7 +266,7 @@ def _private_files() -> Iterator[None]:
 
 
 def main() -> None:
-    """Run a server; the arguments are the path of its socket, a backend, and the idle seconds after which it ends."""
+    """Run a server; the arguments are the path of its socket, a backend, and the `idle` seconds of `WarmServer`."""
     path, backend, idle = sys.argv[1:]
     with tempfile.TemporaryDirectory(prefix="lookdev-warm-") as scratch:
         WarmServer(Path(path), BACKENDS[backend].command, float(idle), Path(scratch)).serve()
