@@ -41,7 +41,7 @@ LIGHTS = (1, 3, 10, 30, 100)
 LAYERS = (1, 2, 4, MAX_LAYERS)
 TRIANGLES = (MILLION // 100, MILLION // 10, MILLION)
 
-# The scene in which one of these sizes changes.
+# The usual scene. In each measurement, one of the sizes above changes.
 _SCENE, _LOOK, _IBL = "shaderball", "plastic", "studio"
 _SIDE = 96  # pixels
 _SAMPLES = 16  # per pixel

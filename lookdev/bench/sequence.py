@@ -207,7 +207,7 @@ class SequenceBenchmark(MatrixBenchmark):
 def choose_samples(
     exact: Sequence[Sequence[CurvePoint]], plain: Sequence[Sequence[CurvePoint]], target: float
 ) -> tuple[int, int]:
-    """Return the samples with which the batch runner, and those with which the plain script, has the same mean error.
+    """Return the samples of the batch runner and the samples of the plain script that give the same mean error.
 
     `exact` and `plain` have a curve for each light; the mean is over the lights. The samples of the batch runner are
     the smallest power of two with a mean error of at most `target`. Raises LookdevError if a curve has less than two

@@ -46,7 +46,7 @@ class AssignedAsset:
 
 @dataclass(frozen=True)
 class Assignment:
-    """The statement in a ``[[look]]`` from which a part has its material.
+    """The statement in a ``[[look]]`` that gives a part its material.
 
     `assign` is the index of the ``assign`` table, and `pattern` is the pattern of this table that fits the part. If
     `assign` is None, the part has the ``material`` of the ``[[look]]`` itself.
@@ -127,7 +127,7 @@ def assign_looks(
 
 
 def assignments_of_parts(look: JobLook, composed: ComposedAsset, key: str, findings: Findings) -> dict[str, Assignment]:
-    """Return the assignment of each part to which the job assigns a material, by the part's path.
+    """Return the assignments of parts by the part's path; parts without a material from the job are left out.
 
     Patterns that fit no part are faults.
     """
@@ -156,7 +156,7 @@ def loss_notes(lost: Iterable[Fault]) -> Iterator[str]:
 
 
 def _display_primvar(mesh: Mesh) -> str | None:
-    """Return the primvar from which a mesh without a material gets its look: displayOpacity or displayColor.
+    """Return the primvar that gives a mesh without a material its look: displayOpacity or displayColor.
 
     displayOpacity counts if it is below 1 anywhere. Without both primvars, the result is None.
     """

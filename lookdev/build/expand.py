@@ -16,7 +16,7 @@ from lookdev.material.variants import MAX_COMBINATIONS
 def expand_material(
     name: str, file: Path, prim: str | None, variants: Mapping[str, str]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the name and the variants of each look to which a material expands.
+    """Expand a material into looks, and yield the name and the variants of each look.
 
     A variant ``"*"`` expands to all variants of its set. The look of each variant is named ``<name>_<variant>``. Raises
     the LookError of `expand_variants`.
@@ -52,7 +52,7 @@ def expand_looks(job: Job, assets: AssetReader, findings: Findings) -> tuple[Job
 
 
 def _expand_table(table: JobLook, assets: AssetReader) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the name and the variants of each look to which a ``[[look]]`` of the job expands."""
+    """Expand a ``[[look]]`` of the job into looks, and yield the name and the variants of each look."""
     if table.material is not None:
         yield from expand_material(table.name, table.material, table.prim, table.variants)
     else:
@@ -62,7 +62,7 @@ def _expand_table(table: JobLook, assets: AssetReader) -> Iterator[tuple[str, di
 def _expand(
     name: str, variants: Mapping[str, str], expand: Callable[[], Iterable[dict[str, str]]]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the name and the variants of each look to which a look expands.
+    """Expand a look into one look for each combination of variants, and yield their names and variants.
 
     `expand` returns all combinations of variants. It is called only if a variant is ``"*"``.
     """

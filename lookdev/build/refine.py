@@ -142,7 +142,7 @@ def _load_refined(key: str, cages: Asset) -> Asset | None:
             loaded = read_asset(file.path)
         case _:
             return None
-    # The file has only the data on which pixels depend; the other fields are copied from the cages.
+    # The file has only the data that affect pixels; the other fields are copied from the cages.
     meshes = [replace(mesh, default_uv=cage.default_uv) for mesh, cage in zip(loaded.meshes, cages.meshes, strict=True)]
     return replace(loaded, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
 

@@ -1,7 +1,7 @@
 """Expansion of the wedges of a job: the looks and lights that they add, and their contact sheets.
 
 A wedge renders looks under lights (an ``[[ibl]]`` or ``[[rig]]``) with a series of values of a parameter. Each value
-makes another look or light. A wedge has one or two *axes*, each of which is a parameter with its values, the *steps*.
+makes another look or light. A wedge has one or two *axes*. An axis is a parameter with its values, the *steps*.
 """
 
 from __future__ import annotations

@@ -256,7 +256,7 @@ def _check_image(subject: _CheckArguments, setup: Setup, pose: Pose) -> CheckFin
 
 
 def _mean_halves(frames: Sequence[Halves]) -> tuple[Floats32, Floats32]:
-    """Return the mean of the first halves of frames and the mean of their second halves, each (H, W, 3)."""
+    """Return the mean of the frames' first halves, and the mean of the frames' second halves, each (H, W, 3)."""
     return np.mean([frame.a for frame in frames], axis=0), np.mean([frame.b for frame in frames], axis=0)
 
 

@@ -183,7 +183,7 @@ def check_frame(
 def flip(image: Reals, converged: Reals) -> tuple[float, Floats]:
     """Return the mean HDR-FLIP of an image (H, W, 3) against a converged one, and its map (H, W), both in [0, 1].
 
-    HDR-FLIP is the visible difference of two pictures, over all exposures at which one of them shows anything
+    HDR-FLIP is the visible difference of two pictures, over all exposures that show anything of one of the pictures
     (Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images").
     """
     import flip_evaluator

@@ -95,7 +95,7 @@ def following_numbers(layer: StackLayer) -> frozenset[str]:
 
 
 def point_layer(layer: StackLayer, constants: Mapping[str, float | list[float]]) -> PointLayer:
-    """Return the part of a layer on which its generated code depends, without the numbers that vary.
+    """Return the part of a layer that determines its generated code, without the numbers that vary.
 
     `constants` has the numbers that are constants in the code, by name.
     """

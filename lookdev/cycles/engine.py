@@ -21,8 +21,7 @@ _ENGINE = "LOOKDEV_CYCLES"
 MIN_SIDE = 4
 """The least number of pixels along a side of a picture that Blender renders."""
 
-# The most samples for which Cycles tabulates the points of its sampling sequence. Further samples repeat the points,
-# shuffled.
+# The number of samples whose points Cycles tabulates. Further samples repeat these points, shuffled.
 _SAMPLE_TABLE_LENGTH = 8192
 
 PixelBounds = tuple[int, int, int, int]

@@ -315,7 +315,7 @@ def _material_key(task: SceneTask) -> tuple[object, ...]:
 
 
 def _placement_key(task: SceneTask) -> tuple[object, ...]:
-    """Return the values of a task on which the positions of lights relative to the asset depend.
+    """Return the values of a task that determine the positions of lights relative to the asset.
 
     Shaders of a rig have these positions compiled in, and the objects of lamps have them. A single dome has none.
     """

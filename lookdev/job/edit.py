@@ -72,7 +72,7 @@ def assign_material(
 
 
 def assign_to_rest(text: str, look: int, material: AssignedMaterial) -> str:
-    """Return a job's text in which a look has a `material`, for every part to which no assign assigns one."""
+    """Return a job's text in which a look has a `material`, for all parts without a material from an assign."""
     return _edit_look(text, look, material.keys, lambda assigns: [*enumerate(assigns)])
 
 

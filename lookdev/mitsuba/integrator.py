@@ -89,7 +89,7 @@ class Vertex:
     index
         The number of the sample in its pixel.
     seed
-        The seed of the points by which directions are drawn.
+        The seed of the low-discrepancy points that select directions.
 
     The class is not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a
     vertex.
@@ -283,7 +283,7 @@ class Estimator:
 
     @dr.syntax
     def _sample_light_fully(self, vertex: Vertex) -> Dual:
-        """Return the reflected light of all directions, each of which is traced."""
+        """Return the reflected light of all directions; each direction is traced."""
         total, j = self._no_light(), self._mi.UInt32(0)
         while vertex.active & (j < vertex.light_count):
             sample = self._draw_from_light(vertex, j, vertex.active)
@@ -317,9 +317,9 @@ class Estimator:
     def _draw_from_light(self, vertex: Vertex, j: UInt, active: Bool) -> _Sample:
         """Return direction `j` drawn from the light, and everything about it that needs no shadow ray.
 
-        The tuple has the direction, the responses, the radiance over the density of all drawn directions, the distance
-        and the controls of the light (`SceneLights`), a mask of directions that contribute, and the mean contribution
-        without occlusion.
+        The tuple has these members: the direction; the responses; the radiance over the density of all drawn
+        directions; the distance of the light; the controls of the light (`SceneLights`); a mask of directions that
+        contribute; the mean contribution without occlusion.
         """
         surface = vertex.surface
         w, radiance, distance, density, controls = vertex.lighting.draw(vertex.index, j, vertex.seed, active)

@@ -96,8 +96,8 @@ class SceneLights(ABC):
     control that no light of the scene needs is left out. In order:
 
     - ``spares``: the index in `shadow_excluded` of the set of groups of parts that cast no shadow of the light;
-    - `SHADOW_FIELDS`: whether the light casts shadows, the distance in metres at which shadows end, the width of the
-      zone before that end in which they fade, the exponent of the fading, and the colour of shadows;
+    - `SHADOW_FIELDS`: whether the light casts shadows; the distance in metres at which shadows end; the width of the
+      zone before this distance, where shadows fade; the exponent of the fading; the colour of shadows;
     - ``diffuse`` and ``specular`` (`_SPLIT`): the factors of the light that these lobes reflect;
     - ``group``: the index of the group of lights in which the light is recorded.
 

@@ -82,7 +82,7 @@ class Program:
 
 
 def _dependencies(operations: Sequence[ProgramOperation], roots: Sequence[int]) -> tuple[int, ...]:
-    """Return the numbers of the operations on which the `roots` depend, roots included, in ascending order."""
+    """Return the numbers of the operations that the `roots` depend on, roots included, in ascending order."""
     reached: set[int] = set()
     pending = list(roots)
     while pending:

@@ -171,8 +171,8 @@ def plan_regions(half: Half, other: Half, ratio: float, min_samples: float, max_
     def is_affordable(price: float) -> bool:
         return tree.cut(2.0**price).samples <= max_samples
 
-    # Prices are searched as base 2 logarithms, in a range about a usual price: the decrease of the frame's error by one
-    # more sample per pixel, over the time of that sample.
+    # Prices are searched as base 2 logarithms, in a range about a usual price. The usual price is the decrease of the
+    # frame's error by one more sample per pixel, over the time of that sample.
     usual_price = np.log2(error / (mean_samples((half,)) * tree.time[0]))
     price_range = usual_price - 30.0, usual_price + 10.0
     price = max(_bisect(*price_range, is_too_high)[0], _bisect(*price_range, is_affordable)[1])
@@ -222,7 +222,7 @@ class _Tree:
         self._share = self._sums_of_boxes(area) / max(covered.sum(), 1.0)  # (nodes,): the share of the asset's pixels
 
     def cut(self, price: float) -> _Cut:
-        """Return the rectangles and samples for which the remaining error plus the price of the time is least."""
+        """Return the rectangles and samples with the least cost: the remaining error plus the price of the time."""
         costs = self.remaining_error + price * (self.time[:, None] * self._sizes + _CALL_COST * (self._sizes > 0))
         choice = costs.argmin(axis=1)
         least = costs[np.arange(len(choice)), choice]
@@ -274,7 +274,7 @@ def _tile_edges(size: int, side: int) -> Ints:
 
 
 def _split_tiles(error: Floats, time: Floats) -> tuple[Ints, list[tuple[int, int] | None]]:
-    """Return the nodes of a tree: boxes (n, 4), and for each box the numbers of its two parts, or None for one tile.
+    """Return the nodes of a tree: boxes (n, 4), and the numbers of the two parts of each box, or None for one tile.
 
     A box is (top, bottom, left, right), edges counted in tiles. Box 0 is the whole frame. A box is split at the row or
     column for which the sum of ``sqrt(error * time)`` over the two parts is least: with the best number of samples in

@@ -100,7 +100,7 @@ def _mixed_and_raw_error(
 
 
 def _smooth_weight(smooth_a: Floats, smooth_b: Floats, a: Floats, b: Floats, scale: Floats, covered: Bools) -> Floats:
-    """Return the weight (H, W, 1) of the smooth halves for which the mixture with the raw halves has the least error.
+    """Return the weight (H, W, 1) of the smooth halves that gives the mixture with the raw halves the least error.
 
     `scale` and `covered` are as in `_mixed_and_raw_error`.
     """

@@ -41,7 +41,7 @@ def _read_sources(values: list[object], info: ValidationInfo) -> tuple[Generated
     return tuple(_adapter(BACKENDS[name].source).validate_python(value) for value in values)
 
 
-# JSON does not say of which type a source is. The name of the backend does.
+# In JSON, the type of a source is not stated. It follows from the name of the backend.
 LookSources = Annotated[tuple[GeneratedSource, ...], PlainValidator(_read_sources)]
 
 
@@ -159,7 +159,7 @@ class FrameTask:
     pose: Pose
     exposure: float  # stops
     digest: str  # identifies everything that the picture depends on
-    files: tuple[Path, ...]  # all paths on disk to which it is written: turntables with the same pose share a frame
+    files: tuple[Path, ...]  # all files of the frame on disk: turntables with the same pose share a frame
     labels: dict[str, str]  # entries of the frame's header, such as the name of the look
 
 

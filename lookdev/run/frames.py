@@ -166,9 +166,9 @@ class RunFrames:
     def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
         """Render frames, each claimed by this run until it is done; raises the errors of `Executor.render`.
 
-        Scenes of which no other run has claimed a frame come first. The other frames without a claim follow, from the
-        last frame of each scene to its first. Finally, this run waits for the frames that other runs have claimed, and
-        renders those whose claims are released or void.
+        Scenes without a frame that another run has claimed come first. The other frames without a claim follow, from
+        the last frame of each scene to its first. Finally, this run waits for the frames that other runs have claimed,
+        and renders a frame if its claim is released or void.
         """
         left = self._render_unclaimed(tasks, executor, skip_scenes=True)
         waits = _wait_times()

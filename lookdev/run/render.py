@@ -43,7 +43,7 @@ Backdrop = str | tuple[float, float, float]
 PrepareJob = Callable[[Job, Callable[[SceneTask], None] | None], "PlannedJob"]
 """Reads the files of a job and plans its frames.
 
-The second argument is a function, or None. It is called early, with a scene for which a worker can prepare itself."""
+The second argument is a function, or None. The function is called early, with a scene that a worker can prepare."""
 
 
 def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> PlannedJob:

@@ -48,8 +48,8 @@ class FailedFrame:
 class ActiveRun:
     """A run that has a file in the state folder: it still runs, or it died before it could remove the file.
 
-    `state` is ``"working"``, or ``"stalled"`` if it had no heartbeat for the time of a lease (`lookdev.run.runs`), or
-    ``"dead"`` if its process is known to have ended.
+    `state` is ``"dead"`` if its process is known to have ended, and ``"stalled"`` if the run had no heartbeat for the
+    time of a lease (`lookdev.run.runs`). Otherwise it is ``"working"``.
     """
 
     run: RunInfo

@@ -1,8 +1,8 @@
-"""The search of a fit to a picture: it finds the unknowns of a look with which renders are nearest to the picture.
+"""The search of a fit to a picture: it finds the values of unknowns for which renders are nearest to the picture.
 
-It renders several starts, improves the best of them by damped Gauss-Newton steps, and refines the best result with more
-samples. Each picture is rendered as two independent halves, so that the loss has no bias (see `target`). The search
-varies units, which are the unknowns scaled to similar ranges (`Unknown.unit`).
+The search renders several starts, improves the best starts by damped Gauss-Newton steps, and refines the best result
+with more samples. Each picture is rendered as two independent halves, so that the loss has no bias (see `target`). The
+search varies units, which are the unknowns scaled to similar ranges (`Unknown.unit`).
 
 - Levenberg, K. 1944; Marquardt, D. W. 1963: damped steps. SciPy's `lsq_linear` solves them within bounds.
 - White, H. 1980. A Heteroskedasticity-Consistent Covariance Matrix Estimator. Econometrica 48(4): errors of parameters.
@@ -154,7 +154,7 @@ class _LocalModel:
 
 @dataclass(eq=False)
 class Search:
-    """A search for the values of a look's unknowns with which its renders are nearest to a target.
+    """A search for the values of a look's unknowns for which renders are nearest to a target.
 
     Arrays of units, (P,), have the numbers of all unknowns one after the other.
     """

@@ -32,8 +32,9 @@ _MIN_DARK_ERROR = 0.02
 def block_side(size: tuple[int, int], pixels: int) -> int:
     """Return the side of the square blocks of the picture; a block is compared with one pixel of a render.
 
-    `size` is the width and the height of the picture. The side divides both, and is the largest that leaves at least
-    `pixels` blocks, or 1. Renders have a box filter, so the mean of a block corresponds to a pixel of a render.
+    `size` is the width and the height of the picture. The side divides both. It is the largest side that leaves at
+    least `pixels` blocks, or 1 if there is none. Renders have a box filter, so the mean of a block corresponds to a
+    pixel of a render.
     """
     common = gcd(*size)
     sides = [side for side in range(1, common + 1) if common % side == 0]

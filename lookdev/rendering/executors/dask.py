@@ -95,8 +95,8 @@ class DaskExecutor:
         The number of workers in a cluster on this machine. None starts one for each `_CORES_PER_WORKER` cores, as
         memory allows.
     store
-        The function by which workers write the files of frames. If it is None, workers return pixels to the caller, who
-        writes them.
+        The function that workers call to write the files of frames. If it is None, workers return pixels to the caller,
+        who writes the files.
     command
         The command of the renderer that each worker of Dask starts. None takes the command of the backend.
     """
