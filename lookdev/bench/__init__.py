@@ -9,7 +9,7 @@ A cell is one scene, one light and one look that are rendered together.
 - `matrix`: the benchmark of time against error for many cells, and the table in docs/bench.md
 - `mitsuba_worker`: the worker of the backend `mitsuba-principled`
 - `sequence`: the benchmark of turntables, by the batch runner and by a plain Blender script, at the same error
-- `reference`: the converged picture of a backend with its own error, and the error of renders against it
+- `reference`: the converged picture of a backend, the error of this picture, and the error of renders against it
 - `measure`: renders a cell, measures each render, and reads times to an error from curves
 - `growth`: the cost of a frame over the size of a scene
 - `report`: tables and plots

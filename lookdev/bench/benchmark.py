@@ -1,7 +1,8 @@
 """The base class of all benchmarks of `lookdev bench`, and the tables, statistics and files that they share.
 
-A run writes its measurements to a folder and, on request, to a section of a Markdown document. The terminal shows its
-report. A section of a document is the text between a line `section_marker(name)` and the line `SECTION_END`.
+A run writes its measurements to a folder and, on request, to a section of a Markdown document. The terminal shows a
+report of the run. A section of a document is the text between the line `section_marker(name)` and the line
+`SECTION_END`.
 """
 
 from __future__ import annotations
@@ -44,9 +45,9 @@ MEGABYTE = 1e6  # bytes
 SECTION_END = "<!-- end -->"
 
 OpenRenderer = Callable[[], AbstractContextManager[RenderFrame]]
-"""A function that returns a context, which has a function to render frames in a process of its own.
+"""A function that starts a render process, and returns a context manager. The process ends with the context.
 
-The process ends with the context.
+The context manager yields a function that renders frames in this process.
 """
 
 open_process: OpenRenderer = partial(open_renderer, ANSWER_TIMEOUT)
@@ -87,9 +88,10 @@ def this_machine() -> Machine:
 
 
 class Spread(NamedTuple):
-    """A middle value, mostly the median of several measurements, and the smallest and the largest of them.
+    """The spread of several measurements.
 
-    The extremes are None if there is no measurement to take them from.
+    `middle` is a middle value, mostly the median. `low` and `high` are the smallest and the largest measurement, or
+    None if there is no measurement to take them from.
     """
 
     middle: float
@@ -172,13 +174,13 @@ class Benchmark:
     Attributes
     ----------
     NAME
-        The name of the benchmark: of its option, without the dashes, and in the markers of its section.
+        The name of the benchmark, as in its option and in the markers of its section.
     FILE
         The name of the file with the measurements.
     ROWS
         The name of the attribute that is the list of measurements.
     DEFAULTS
-        The fields of `BenchOptions` whose default is another one for this benchmark, with their values.
+        Default values that this benchmark has in place of the defaults of `BenchOptions`, by the name of the field.
     report
         Shows a line of progress.
     failures
@@ -246,7 +248,7 @@ class Benchmark:
 
     @property
     def restricting_options(self) -> tuple[str, ...]:
-        """The names of the options that differ from the benchmark's defaults: with them, only a part is measured."""
+        """The names of the options that differ from the benchmark's defaults, so that only a part is measured."""
         return restrictions(self.options, self.DEFAULTS)
 
     @property

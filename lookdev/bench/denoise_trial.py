@@ -1,8 +1,8 @@
-"""Benchmark that renders random denoised frames, and compares their estimated error with their true one.
+"""Benchmark that renders random denoised frames, and compares their estimated errors with their true errors.
 
-It also counts the denoised frames that have a larger error than their raw frame. An asset, a look, a light and a pose
-are drawn at random. They have one reference, which is a converged picture, and one frame for each number in `SAMPLES`.
-The true error of a frame is its relMSE against the reference, minus the relMSE of the reference itself.
+The benchmark also counts the denoised frames that have a larger error than the raw frame. An asset, a look, a light and
+a pose are drawn at random. A reference, which is a converged picture, and a frame for each number in `SAMPLES` are
+rendered. The true error of a frame is its relMSE against the reference, minus the relMSE of the reference itself.
 """
 
 from __future__ import annotations
@@ -36,16 +36,17 @@ The ratio should be within 1 / `USUAL_RATIO` and `USUAL_RATIO` for most frames, 
 
 _ASSETS = ("sphere", "shaderball", "suzanne")
 _LIGHTS = (*IBLS, "studio+3", "lamp")
-_FOLDERS = ("", "classic")  # below the shipped materials
-_PARTS = 4  # independent renders of which a reference is the mean
-# A denoised frame is worse than its raw frame if its error is larger by more than this factor. The raw picture is
-# rounded once more than the mean of the halves, so that errors can differ a little without denoising.
+_FOLDERS = ("", "classic")  # folders of the shipped materials
+_PARTS = 4  # a reference is the mean of this number of independent renders
+# A denoised frame is worse than its raw frame if its error is larger by more than this factor. The denoised picture is
+# the mean of two halves. The raw picture is rounded once more than this mean, so that the two errors differ a little
+# even if denoising changes nothing.
 _ROUNDING_FACTOR = 1.001
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One frame: true and estimated errors and mean FLIP, of the raw picture and of the denoised one."""
+    """One frame: the true error, the estimated error and the mean FLIP, of its raw and of its denoised picture."""
 
     asset: str
     look: str
@@ -57,19 +58,19 @@ class Trial:
     raw_estimate: float  # estimated relMSE of the raw picture
     denoised_relmse: float  # true relMSE of the denoised picture
     denoised_estimate: float  # estimated relMSE of the denoised picture
-    raw_flip: float
-    denoised_flip: float  # of the denoised picture
+    raw_flip: float  # mean FLIP of the raw picture
+    denoised_flip: float  # mean FLIP of the denoised picture
     reference_relmse: float  # relMSE of the reference itself
     seconds: float  # measured in the worker
 
     @property
     def ratio(self) -> float:
-        """The estimated error over the true one, of the denoised picture."""
+        """The estimated error over the true error of the denoised picture."""
         return self.denoised_estimate / self.denoised_relmse
 
     @property
     def raw_ratio(self) -> float:
-        """The estimated error over the true one, of the raw picture."""
+        """The estimated error over the true error of the raw picture."""
         return self.raw_estimate / self.raw_relmse
 
 
@@ -127,6 +128,7 @@ class DenoiseTrial(Benchmark):
                 first = len(SAMPLES) * number
                 for seed, samples in enumerate(SAMPLES[: options.frames - first], start=first):
                     name = f"{samples}.{seed}.denoised"
+                    # Frames take seeds below `FIRST_SEED`; references take the seeds from there on.
                     task = frame_task(scene, pose, name, samples=samples, error=None, seed=seed % FIRST_SEED)
                     rendered = render(task)
                     self.trials.append(measure_trial(cell, pose, rendered, truth))
@@ -165,7 +167,7 @@ def _trial_text(trial: Trial) -> str:
 def summarize_trials(trials: Sequence[Trial]) -> str:
     """Return a text with the ratios of estimated to true errors, and the gain of denoising for each sample count.
 
-    The gain is the geometric mean of the factors that denoising divides the true error by.
+    The gain is the geometric mean, over the frames, of the raw picture's true error over the denoised picture's.
     """
     if not trials:
         return "no frame was measured"

@@ -41,18 +41,19 @@ LIGHTS = (1, 3, 10, 30, 100)
 LAYERS = (1, 2, 4, MAX_LAYERS)
 TRIANGLES = (MILLION // 100, MILLION // 10, MILLION)
 
-# The scene in which one of these sizes changes.
+# The usual scene. In each measurement, one of the sizes above changes.
 _SCENE, _LOOK, _IBL = "shaderball", "plastic", "studio"
 _SIDE = 96  # pixels
 _SAMPLES = 16  # per pixel
-_REPEATS = 3  # of each frame, except those of "frames"
+_REPEATS = 3  # the number of times each frame is rendered, except the frames of the quantity "frames"
 
 
 @dataclass(frozen=True)
 class GrowthRow:
-    """The cost of a frame at one size: the median of its seconds, the least and the most, and the peak memory.
+    """The cost of a frame at one size.
 
-    `size` is the value of the quantity that grows. `memory` is the peak of the render process, in bytes.
+    `size` is the value of the quantity that grows. `seconds`, `low` and `high` are the median, the least and the most
+    seconds of a frame. `memory` is the peak memory of the render process, in bytes.
     """
 
     size: int
@@ -66,8 +67,8 @@ class GrowthRow:
 class Growth:
     """The cost of a frame for increasing sizes of one quantity, rendered by one backend.
 
-    `of` is the name of the quantity, a key of `QUANTITIES`. For the quantity "frames", the size of a row is the number
-    of frames that are rendered at the end of a quarter of the sequence.
+    `quantity` is the name of the quantity, a key of `QUANTITIES`. The sequence of the quantity "frames" is divided into
+    quarters. The size of a row is then the number of frames from the start of the sequence to the end of a quarter.
     """
 
     quantity: str
@@ -82,8 +83,8 @@ GrowthRows = Iterator[GrowthRow]
 class Quantity:
     """A quantity on which the cost of a frame may depend.
 
-    `measure` takes the name of a backend, the options, and a function that starts a render process; it yields a row for
-    each size. `can_show` returns whether the backend with a name can render the scenes.
+    `measure` takes the name of a backend, the options, and a function that starts a render process. It yields a row for
+    each size. `can_show` takes the name of a backend, and returns whether this backend can render the scenes.
     """
 
     help: str
@@ -125,7 +126,7 @@ def _measure_sizes(
 
 
 def _measure_frames(backend: str, options: BenchOptions, open_process: OpenRenderer) -> GrowthRows:
-    """Measure a sequence of frames in one process, and yield a row for each quarter of it.
+    """Measure a sequence of frames in one process, and yield a row for each quarter of the sequence.
 
     Each quarter turns the asset once by 360 degrees, so that all quarters have the same poses.
     """
@@ -141,7 +142,7 @@ def _measure_frames(backend: str, options: BenchOptions, open_process: OpenRende
 def _measure_looks(backend: str, options: BenchOptions, open_process: OpenRenderer) -> GrowthRows:
     """Measure one frame in each of many looks, rendered one after the other in one process.
 
-    The seconds of a row are the mean wall time of the first frames, as many as its size, with the changes of scene.
+    A row of size n has the mean wall time of the first n frames, including the changes of scene.
     """
     scenes = [_scene(backend, look=varied_look(number)) for number in range(max(LOOK_COUNTS))]
     means: dict[int, list[float]] = {count: [] for count in LOOK_COUNTS}

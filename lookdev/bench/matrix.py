@@ -26,10 +26,12 @@ from lookdev.rendering.task import SceneTask
 from lookdev.scene import Sampling
 
 OpenCandidates = Callable[[Cell, BenchOptions], AbstractContextManager[list[Candidate]]]
-"""A function that returns a context, which has the backends that can render a cell; they end with the context."""
+"""A function that returns a context manager. It yields the backends that can render a cell, and ends them."""
 
 BACKEND_CHECKS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), check_mitsuba)
-"""By name of a backend that not every machine has: a function that raises RenderError if this machine lacks it."""
+"""Functions that raise RenderError if this machine lacks a backend, by the name of the backend.
+
+All other backends are on every machine."""
 
 
 @contextmanager
@@ -63,7 +65,7 @@ class MatrixBenchmark(Benchmark):
     """The benchmark of time against error, for any scenes, lights, looks and backends.
 
     If a backend fails, the rest of its cell is measured without it. If the machine lacks a backend, all cells are
-    measured without it. The results state both, with the reason.
+    measured without it. In both cases the results state the reason.
     """
 
     NAME = "matrix"

@@ -26,16 +26,16 @@ from lookdev.bench.reference import (
 from lookdev.errors import LookdevError
 
 EXACT = "exact"
-"""The backend that the others are compared with. Only this backend also renders aimed pictures (`PictureKind`)."""
+"""All other backends are compared with this backend. Only this backend also renders aimed pictures (`PictureKind`)."""
 
 PictureKind = Literal["raw", "denoised", "aimed", "aimed, denoised"]
-"""How a picture is made. An aimed picture gets samples until its estimated relMSE is at most `BenchOptions.aim`."""
+"""How a picture is made. Samples are added to an aimed picture until it estimates `BenchOptions.target_estimate`."""
 
 PICTURES: tuple[PictureKind, ...] = ("raw", "denoised")
 """The kinds of pictures that have a given number of samples."""
 
 MAX_EXTRAPOLATION = 4.0
-"""The largest effort (seconds or samples) to which a curve is extrapolated, over the effort of its last point."""
+"""A curve is extrapolated to at most this number of times the effort (seconds or samples) of its last point."""
 
 _MAX_EXTRAPOLATION_DENOISED = 64.0  # the same for denoised curves, with `BenchOptions.independent`
 _SEEDS_PER_REPEAT = FIRST_SEED // (SEEDS * MAX_REPEATS)  # seeds that are reserved for the renders of one repeat
@@ -44,7 +44,7 @@ _ENOUGH_PARTS = 4
 
 
 class Series(NamedTuple):
-    """The renders that one curve shows: those of a backend whose pictures are made in the same way."""
+    """The renders that one curve shows: the renders of one backend with one kind of pictures."""
 
     backend: str
     picture_kind: PictureKind = "raw"
@@ -66,7 +66,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One timed picture: its cell, its series, the figures of its `TimedPicture`, and its `MeasuredError`."""
+    """One timed picture, with the fields of its cell, its series, its `TimedPicture` and its `MeasuredError`."""
 
     scene: str
     ibl: str
@@ -91,7 +91,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class CurvePoint(MeasuredError):
-    """All renders of a series with one number of samples: their median seconds, mean relMSE, and the mean's bias."""
+    """All renders of a series with one number of samples: median seconds, mean relMSE, and the bias of their mean."""
 
     samples: int
     seconds: float
@@ -101,8 +101,8 @@ class CurvePoint(MeasuredError):
 class CurveEffort:
     """The effort at which a curve reaches an error, or a ratio of two such efforts.
 
-    `mark` is "" within the measured range, and "~" if the curve was extrapolated. It is "<" or ">" if the value is only
-    a bound because the first point of a curve is below the error already.
+    `mark` is "" within the measured range, and "~" if the curve was extrapolated. `mark` is "<" or ">" if the value is
+    only a bound, because the first point of a curve is below the error already.
     """
 
     value: float
@@ -124,10 +124,11 @@ class Times:
 
 @dataclass(frozen=True)
 class Ratio(Times):
-    """The time of ``exact`` to a relMSE over that of another backend, with pictures made in the same way.
+    """The time of ``exact`` to a relMSE, over the time of another backend to it, with pictures of the same kind.
 
-    `by_samples` is another estimate of this ratio: the ratio of the samples that both need, times the ratio of the time
-    of one sample. The time of a sample is compared between renders that followed each other.
+    `way` is the kind of the pictures. `by_samples` is another estimate of this ratio: the ratio of the samples that
+    both backends need, times the ratio of the time of one sample. The time of a sample is compared between renders that
+    followed each other.
     """
 
     backend: str  # the other backend
@@ -147,9 +148,9 @@ def effort_to_error(
     """Return the effort (seconds or samples) at which a curve first reaches the error `target`.
 
     `effort` and `error` are the coordinates of the curve's points, by increasing samples; all are positive. Between the
-    points the logarithm of the error is linear in that of the effort. Beyond the last point it falls by the slope
-    between the last two points, clamped to the range `slopes`; independent samples have the slope 1. The function
-    returns None if the curve does not fall there, or if the effort would be more than `limit` times the last one.
+    points, the logarithm of the error is linear in the logarithm of the effort. Beyond the last point, it falls by the
+    slope between the last two points, clamped to the range `slopes`; independent samples have the slope 1. The function
+    returns None if the curve does not fall there, or if the effort would be more than `limit` times the last effort.
     """
     if not error:
         return None
@@ -207,9 +208,10 @@ class CellRun:
     references: dict[str, Reference] = field(default_factory=dict)
     failures: dict[str, str] = field(default_factory=dict)  # the error that ended a backend's measurements
     _pictures: dict[tuple[Series, int], list[TimedPicture]] = field(default_factory=dict)  # by series and samples
-    # By backend: the samples at which its error is at most `BenchOptions.until`. It is not rendered with more.
+    # The samples with which a backend's error is at most `BenchOptions.stop_relmse`, by the name of the backend. The
+    # backend is not rendered with more samples.
     _max_samples: dict[str, int] = field(default_factory=dict)
-    # The kinds of aimed pictures that missed their error with the most samples; they are not rendered again.
+    # The kinds of aimed pictures that missed the aimed error with the most samples; they are not rendered again.
     _out_of_reach: set[PictureKind] = field(default_factory=set)
 
     def run(self) -> None:
@@ -238,7 +240,7 @@ class CellRun:
             self._pictures.clear()
 
     def _attempt(self, candidate: Candidate, step: Callable[..., object], *arguments: float) -> None:
-        """Call `step` with a backend, unless that has failed before; an error becomes the reason of its failure."""
+        """Call `step` with a backend, unless the backend has failed before; record an error as its failure."""
         if candidate.backend in self.failures:
             return
         try:
@@ -262,12 +264,12 @@ class CellRun:
         )
 
     def _render(self, candidate: Candidate, samples: int, seed: int) -> TimedPicture:
-        """Render once, and denoise if the options request it and the backend can."""
+        """Render once, and denoise if the options request this and the backend can denoise."""
         sampling = {"denoise": "measured"} if self.options.denoise and candidate.denoises else {}
         return candidate.render(samples, seed, **sampling)
 
     def _measure(self, candidate: Candidate, repeat: int, samples: int, seed: int) -> None:
-        """Render once, and record a measurement of the raw picture, and another one if the render is denoised.
+        """Render once, and record a measurement of the raw picture and, if there is one, of the denoised picture.
 
         The first repeat also decides whether these samples suffice (see `_max_samples`).
         """
@@ -283,7 +285,7 @@ class CellRun:
             self._max_samples[candidate.backend] = samples
 
     def _render_to_aim(self, candidate: Candidate, repeat: int) -> None:
-        """Render with ``exact`` until it estimates the error `BenchOptions.aim`, without denoising and with it.
+        """Render with ``exact`` until it estimates `BenchOptions.target_estimate`, without denoising and with it.
 
         A kind of picture that does not reach the error with the most samples is rendered only once.
         """
@@ -313,7 +315,7 @@ class CellRun:
         return row
 
     def _curve(self, series: Series) -> tuple[CurvePoint, ...]:
-        """Return the points of a series' curve, by increasing samples, each from the pictures of all repeats."""
+        """Return the points of a series' curve, by increasing samples. A point averages the pictures of all repeats."""
         points = []
         for samples in self.options.samples:
             if pictures := self._pictures.get((series, samples)):
@@ -338,7 +340,7 @@ class CellRun:
         return Times(value, min(times, default=None), max(times, default=None))
 
     def ratio(self, other: Series, target: float) -> Ratio | None:
-        """Return the time of ``exact`` to the relMSE `target` over that of a series; None if one was not measured."""
+        """Return the time of ``exact`` to a relMSE, over the time of a series to it; None if one was not measured."""
         pair = Series(EXACT, other.picture_kind), other
         if other.backend == EXACT or not all(series in self.curves for series in pair):
             return None
@@ -378,10 +380,10 @@ class CellRun:
         return effort_to_error(*curve, target, limit=limit, slopes=(float(raw), 1.0))
 
     def _cost_ratio(self, exact: Series, other: Series) -> float | None:
-        """Return the time of a sample of the series `exact` over that of `other`: the median over consecutive renders.
+        """Return the time of a sample of the series `exact` over the time of a sample of the series `other`.
 
-        The renders are those with the most samples that both series have, because the fixed cost of a frame matters
-        least there.
+        This is the median over pairs of consecutive renders. Of the renders of both series, those with the most samples
+        are compared, because the fixed cost of a frame matters least there.
         """
         ours, theirs = ({(row.samples, row.repeat): row.seconds for row in self.measurements if row.series == series}
                         for series in (exact, other))  # fmt: skip

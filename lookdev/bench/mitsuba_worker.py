@@ -1,10 +1,10 @@
 """A render worker for Mitsuba 3's own principled BSDF: ``python -m lookdev.bench.mitsuba_worker``.
 
-The benchmark starts it for the backend `mitsuba-principled`. The protocol is that of the worker in `lookdev.cycles`:
-frame tasks on standard input, answers on standard output. A task contains a `PrincipledSource`, with values for the
-sockets of Blender's Principled BSDF. The worker translates them to Mitsuba's ``principled``. The models differ, so the
-pictures of the two renderers are only similar. `samples`, `seed` and `bounces` mean the same as for Cycles. The variant
-of Mitsuba compiles kernels with LLVM.
+The benchmark starts this worker for the backend `mitsuba-principled`. The worker has the same protocol as the worker in
+`lookdev.cycles`: frame tasks on standard input, answers on standard output. A task contains a `PrincipledSource`, with
+values for the sockets of Blender's Principled BSDF. The worker translates these values to Mitsuba's ``principled``. The
+models differ, so the pictures of the two renderers are only similar. `samples`, `seed` and `bounces` mean the same as
+for Cycles. The variant of Mitsuba compiles kernels with LLVM.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def principled_bsdf(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str
                 # 0.1 - 0.099 gloss (Burley 2012, 5.5).
                 bsdf["clearcoat_gloss"] = min(1.0, max(0.0, (0.1 - value**2) / 0.099))
             case "Coat Weight", float():
-                # Mitsuba's clearcoat has a quarter of the strength of Blender's coat, as Burley's has.
+                # Mitsuba's clearcoat has a quarter of the strength of Blender's coat, as in Burley's model.
                 bsdf["clearcoat"] = min(1.0, 4.0 * value)
             case (("Metallic" | "Roughness" | "Anisotropic"), float()):
                 bsdf[name.lower()] = value
@@ -168,8 +168,8 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
 def corner_meshes(asset: Asset) -> Iterator[tuple[Floats32, Floats32, Floats32]]:
     """Yield the positions (3 t, 3), normals (3 t, 3) and UVs (3 t, 2) of the corners of each instance's t triangles.
 
-    Positions are relative to the centre of the asset. UVs are the first set of the mesh. They are 0 if it has none:
-    this backend renders looks of constants only, which do not read UVs.
+    Positions are relative to the centre of the asset. UVs are the first UV set of the mesh. If the mesh has none, they
+    are 0: this backend renders looks of constants only, which do not read UVs.
     """
     triangles = [triangulate(mesh) for mesh in asset.meshes]
     for instance in asset.instances:

@@ -1,6 +1,6 @@
-"""The options of the benchmarks: which scenes, lights, looks and backends are rendered, and with which numbers.
+"""The options of the benchmarks: the scenes, lights, looks and backends to render, and numbers such as samples.
 
-`lookdev bench` parses them from its command line; each benchmark can have defaults of its own.
+`lookdev bench` parses the options from its command line; each benchmark can have defaults of its own.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from lookdev.rendering.backends import BACKENDS
 MAX_SAMPLES = 1 << 14  # per pixel
 MAX_REPEATS = 64
 SEEDS = 128
-"""The number of values of the option `seed`. Each stands for `MAX_REPEATS` times 16 seeds of a renderer."""
+"""The number of values of the option `seed`. Each value reserves `MAX_REPEATS` times 16 seeds of a renderer."""
 
 QUARTERS = 4
 """The number of parts into which `growth` divides a sequence of frames, to compare their times."""
@@ -30,7 +30,7 @@ _NAMES: dict[str, tuple[str, dict[str, str]]] = {
     "looks": ("look", {name: look.help for name, look in LOOKS.items()}),
     "backends": ("backend", {name: backend.help for name, backend in BACKENDS.items()}),
 }
-"""For each option that is a list of names: the noun for such a name, and all valid names with their descriptions."""
+"""The noun for a name, and all valid names with their descriptions, by the option that is a list of such names."""
 
 _RANGES: dict[str, tuple[int, float, str]] = {
     "resolution": (16, 4096, "resolution {}: it is from {} to {} pixels"),
@@ -39,7 +39,7 @@ _RANGES: dict[str, tuple[int, float, str]] = {
     "frames": (QUARTERS, math.inf, "{} frames: their first quarter needs at least {}"),
     "reference": (4, 1024, "a reference of {} times the largest count: from {} to {}"),
 }
-"""For each option that is a number: the least value, the largest, and the message if a value is out of this range."""
+"""The least value, the largest value, and the message for a value out of this range, by the option with the number."""
 
 
 @dataclass(frozen=True)
@@ -70,14 +70,14 @@ class BenchOptions:
     repeats: int = 3  # renders with each number of samples
     seed: int = 0
     reference: int = 8  # the least samples of a reference, in multiples of the largest of `samples`
-    fresh: bool = field(default=False, compare=False)  # references are rendered again, not read from the cache
-    frames: int = 100  # of the sequence that `growth` measures, or of the denoise trial
+    fresh: bool = field(default=False, compare=False)  # whether references are rendered, not read from the cache
+    frames: int = 100  # the number of frames of the sequence that `growth` measures, or of the denoise trial
     targets: tuple[float, ...] = (1e-3, 1e-4)  # the relMSEs to which the time is measured
-    denoise: bool = False  # each render is also denoised
+    denoise: bool = False  # whether each render is also denoised
     target_estimate: float | None = None  # the backend `exact` also renders until it estimates this relMSE
     stop_relmse: float = 0.0  # a backend that reaches this relMSE is not rendered with more samples
     reference_relmse: float = 0.0  # a reference with this relMSE takes no more samples
-    # Curves are extrapolated as those of independent samples: relMSE times samples stays constant.
+    # Whether curves are extrapolated as if samples were independent: relMSE times samples stays constant.
     independent: bool = False
 
     def __post_init__(self) -> None:

@@ -1,12 +1,13 @@
 """Benchmark that shows where a second of rendering goes: it switches off parts of the ``exact`` shader step by step.
 
 A stage is the scene with some parts switched off: one part more than in the stage before it. The time of a part is the
-difference between these two stages in the same repeat, so the times of all parts add up to that of the frame.
+difference between these two stages in the same repeat, so the times of all parts add up to the time of the frame.
 
-A part of the shader is switched off in this way: the cheapest lines replace its sections, and set the variables that
-other sections read. The compiler then removes code that only this part needs. One effect remains: without rays, no
-light is occluded, so code after a ray runs more often. Each stage is rendered in a process of its own. The renders of
-the stages are interleaved.
+The shader is generated from a template with sections, each a group of lines with a name (`lookdev.codegen.templates`).
+To switch off a part, the cheapest lines replace the sections of this part. They only set the variables that other
+sections read. The compiler then removes code that only this part needs. One effect remains: without rays, no light is
+occluded, so code after a ray runs more often. Each stage is rendered in a process of its own. The renders of the stages
+are interleaved.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from lookdev.scene import Sampling
 FEW_SAMPLES = 2  # samples a pixel of the stage that measures the fixed cost of a frame
 
 # Each stage replaces the sections of one more element; an element maps names of sections to the lines that replace
-# them. `wi` is a direction towards the light. Sections that read it are left out before those that set it, because a
-# loop over directions that are all the same computes everything only once.
+# them. `wi` is a direction towards the light. Sections that read `wi` are left out before sections that set it, because
+# a loop over directions that are all the same computes everything only once.
 _SECTIONS: tuple[Mapping[str, tuple[str, ...]], ...] = (
     {"light_lookup": ("radiance = 1;",), "light_density": ("density += 1;",)},
     {
@@ -69,9 +70,9 @@ PARTS = (
 
 @dataclass(frozen=True)
 class Stage:
-    """A scene without the part with a name, which the stage before it still has.
+    """A stage: a scene without the part `part`, which the stage before it still has.
 
-    With `has_few_samples` it is rendered with `FEW_SAMPLES` samples, otherwise with those of the options.
+    With `has_few_samples`, the scene is rendered with `FEW_SAMPLES` samples, otherwise with the samples of the options.
     """
 
     part: str
@@ -141,7 +142,7 @@ class ProfileBenchmark(Benchmark):
         for frames in render_in_turn(stages, task, options.repeats, self.open_process):
             repeats.append([frame.seconds for frame in frames])
             self.report(f"{cell}: {repeats[-1][0]:.2f} s, repeat {len(repeats)} of {options.repeats}")
-        # The seconds of each stage, (repeats,) each. The last two stages are those with the empty shader.
+        # Arrays (repeats,) of the seconds of each stage. The last two stages have the empty shader.
         *seconds, empty, few = np.transpose(repeats)
         film = (empty - few) * samples / (samples - FEW_SAMPLES)
         parts = [*(before - after for before, after in pairwise([*seconds, empty])), film, empty - film]

@@ -30,8 +30,9 @@ from lookdev.scene import Pose
 # The first seed of references. Shaders take seeds below twice this number: references use the upper half, and the
 # measured renders the lower half.
 FIRST_SEED = 1 << 17
-_VERSION = 1  # of the files of references: increase it with any change of their content
-# An error below the reference's own is reported if it is at least this number of its standard errors.
+_VERSION = 1  # the version of the files of references: increase it with any change of their content
+# A measured error that is below the reference's own error is reported only if it is at least this number of its
+# standard errors.
 _MIN_STANDARD_ERRORS = 4.0
 
 
@@ -39,13 +40,13 @@ _MIN_STANDARD_ERRORS = 4.0
 class TimedPicture:
     """One render in a process that has rendered before, with its time and memory.
 
-    If the picture is denoised, `raw` is the same render before denoising, with the shorter time until then.
+    If the picture is denoised, `raw` is the same render before denoising. Its `seconds` are without denoising.
     """
 
     image: Floats32  # (H, W, 3), premultiplied
     alpha: Floats32  # (H, W)
     seconds: float
-    memory: int  # peak of the process, bytes
+    memory: int  # peak memory of the process, bytes
     renderer: str  # name and version
     samples: int  # per pixel
     estimate: float | None = None  # the relMSE that the renderer estimates of this picture
@@ -96,7 +97,7 @@ class MeasuredError:
 
 
 class Reference:
-    """The mean of independent renders, its parts, which have the same number of samples.
+    """The mean of independent renders. These renders are its parts, and all have the same number of samples.
 
     Attributes
     ----------
@@ -184,8 +185,8 @@ class Reference:
     def needs_part(self, samples: int, enough: float) -> bool:
         """Return whether the reference needs another part.
 
-        Its parts suffice if they have `samples` samples in all, or if its own relMSE is at most `enough`. In any case
-        it needs four parts. The relMSE counts from eight parts on: the spread of fewer parts is too uncertain.
+        Its parts suffice if they have `samples` samples in all, or if its own relMSE is at most `enough`. A reference
+        has at least four parts. The relMSE counts from eight parts on: the spread of fewer parts is too uncertain.
         """
         if self.parts < 4:
             return True
@@ -226,9 +227,10 @@ def obtain_reference(
 ) -> Reference:
     """Return the reference of a picture from the cache, and render the parts that it lacks.
 
-    `key` is the picture's `picture_key`. A complete reference has `parts` parts of `samples` samples each. As complete
-    counts one with at least as many samples in four or more parts, and one with eight or more parts whose own relMSE is
-    at most `enough`. With `fresh` the cache is ignored. Raises LookdevError if the picture is black or covers no pixel.
+    `key` is the picture's `picture_key`. A complete reference has `parts` parts of `samples` samples each. A reference
+    also counts as complete if it has four or more parts with at least as many samples in all, or if it has eight or
+    more parts and its own relMSE is at most `enough`. With `fresh`, the cache is ignored. Raises LookdevError if the
+    picture is black or covers no pixel.
     """
     file = cache_dir("bench") / f"{hashlib.sha256(key.encode()).hexdigest()}.npz"
     reference = None if fresh else Reference.load(file)

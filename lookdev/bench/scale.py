@@ -1,8 +1,8 @@
 """Benchmark of large assets: the seconds and the memory up to the first sample, of a job and of Blender's own import.
 
-Both load the same USD files, which are as large as those of a production. Each load is timed from the start of a fresh
-process; the processes run one after the other. The cache has the data of the light and the look, as after any earlier
-job, but not those of the asset.
+Both programs load the same USD files, which are as large as the files of a production. Each load is timed from the
+start of a fresh process; the processes run one after the other. The cache has the data of the light and the look, as
+after any earlier job, but not the data of the asset.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ IMPORT_MODULES: dict[ImportProgram, str] = {
     "lookdev": "lookdev.bench.scale_job",
     "blender": "lookdev.cycles.plain_import",
 }
-"""The module that runs as a process to load a file, by the program whose loading it measures.
+"""The module that runs as a process to load a file, by the program that is measured.
 
 Elsewhere in this file, `way` is one of these keys: "lookdev", a job, or "blender", Blender's own import.
 """
@@ -79,7 +79,7 @@ def write_instances(file: Path, side: int = 100, faces: int = 100) -> None:
 
 
 def write_meshes(file: Path, count: int = 20_000) -> None:
-    """Write `count` boxes, each a mesh, side by side in a square of 2 m. Every hundred of them have a common parent."""
+    """Write `count` boxes, each a mesh, side by side in a square of 2 m. A hundred boxes share a parent prim."""
     stage = _new_stage(file)
     side = int(np.ceil(np.sqrt(count)))
     for number, center in enumerate(_cell_centers(side)[:count].tolist()):
@@ -126,9 +126,10 @@ def _define_sheet(stage: Any, path: str, side: int) -> None:
 def _define_mesh(
     stage: Any, path: str, points: NDArray[Any], faces: NDArray[Any], uvs: NDArray[Any], uvs_of: str
 ) -> Any:
-    """Add a mesh to a stage: points (n, 3), corners of each face (faces, 4), and UVs of points or of corners of faces.
+    """Add a mesh to a stage, with points (n, 3) and faces (f, 4), which are the point numbers of their corners.
 
-    `uvs_of` is the interpolation of the UVs in USD: ``vertex`` or ``faceVarying``.
+    The UVs belong to points or to corners of faces: `uvs_of` is their interpolation in USD, ``vertex`` or
+    ``faceVarying``.
     """
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
@@ -146,10 +147,11 @@ CASES: dict[str, Callable[[Path], None]] = {"quads": write_quads, "instances": w
 
 @dataclass(frozen=True)
 class StartTimes:
-    """The times of one process in seconds from its start, and the peak memory of each of its processes in bytes.
+    """The times of one run in seconds from its start.
 
-    `case` is a key of `CASES`. `planned` is the time when the frames are planned or, with Blender, when the import is
-    done. `sample` is the time of the first sample.
+    `case` is a key of `CASES`, and `program` is a key of `IMPORT_MODULES`. `planned` is the time when the frames are
+    planned or, with Blender, when the import is done. `sample` is the time of the first sample. `memory` has the peak
+    memory of each process of the run, in bytes.
     """
 
     case: str
@@ -205,7 +207,8 @@ class ScaleBenchmark(Benchmark):
             planned, sample, memory = self.medians(case, way)
             row = [f"{case}, {way}", f"{planned:.2f}", f"{sample:.2f}", f"{memory / MEGABYTE:.0f}", "", ""]
             if way != "lookdev":
-                # The last two cells: seconds to the first sample and memory of lookdev, divided by those of this row.
+                # The last two cells are the seconds to the first sample and the memory of lookdev, divided by the
+                # figures of this row.
                 _, ours, our_memory = self.medians(case, "lookdev")
                 row[-2:] = f"x{ours / sample:.2f}", f"x{our_memory / memory:.2f}"
             rows.append(row)

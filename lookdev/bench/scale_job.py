@@ -1,7 +1,8 @@
 """Runs a job up to the first sample of its first frame: ``python -m lookdev.bench.scale_job JOB.toml``.
 
 The benchmark `scale` starts this process and times its output. The process prints a line of JSON when the frames are
-planned, and one at the first sample. The second line has the peak memory of this process and of its worker in bytes.
+planned, and another line at the first sample. The second line has the peak memory of this process and of its worker in
+bytes.
 """
 
 from __future__ import annotations

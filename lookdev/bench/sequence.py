@@ -1,4 +1,4 @@
-"""Benchmark of turntables: the frames a minute of the batch runner and of a plain Blender script, at equal error.
+"""Benchmark of turntables: the frames per minute of the batch runner and of a plain Blender script, at equal error.
 
 The plain script (`lookdev.cycles.plain_sequence`) runs in one process. It uses the Principled BSDF, rotates the asset's
 object, rotates the environment texture by a Mapping node, and calls ``bpy.ops.render.render`` for each frame. Both
@@ -47,13 +47,13 @@ from lookdev.scene import Sampling, Scene
 TARGET = 1e-3
 """The mean relMSE that the frames of both programs shall have."""
 
-FRAMES = 24  # of each turntable
-KINDS: tuple[Literal["element", "lighting"], ...] = ("element", "lighting")  # of turntables
+FRAMES = 24  # the frames of each turntable
+KINDS: tuple[Literal["element", "lighting"], ...] = ("element", "lighting")  # the kinds of turntables
 PLAIN_COMMAND = (sys.executable, "-m", "lookdev.cycles.plain_sequence")
 
 # A probe is a frame that is rendered again with another seed, to estimate the error of the frame from the difference.
 _PROBES = 3  # probes of each turntable; it divides FRAMES
-_ROUNDS = 3  # at most this number of times the samples of the plain script are corrected
+_ROUNDS = 3  # the most corrections of the samples of the plain script
 _MAX_STEP = 8.0  # the largest factor by which one correction changes the samples
 
 
@@ -82,8 +82,8 @@ class SequenceSubject:
 ProduceFrames = Callable[[Path, int, int, int], tuple[float, tuple[str, ...]]]
 """Renders all turntables as files ``<folder>/<look>/<ibl>/<kind>.####.exr``.
 
-Its arguments are the folder, the samples per pixel, the frames of each turntable, and a seed. It returns the seconds,
-and descriptions of the work that it left out because that changes no pixel.
+Its arguments are the folder, the samples per pixel, the frames of each turntable, and a seed. It returns the seconds
+that it took, and descriptions of the work that it left out, which would change no pixel.
 """
 
 
@@ -99,17 +99,17 @@ class SequenceRun:
 
 @dataclass(frozen=True)
 class SequenceResult:
-    """Frames a minute of the batch runner and of the plain script at equal mean relMSE.
+    """Frames per minute of the batch runner and of the plain script at equal mean relMSE.
 
     The keys of mappings are "exact", the batch runner, and "plain", the plain script.
     """
 
     subject: SequenceSubject
-    frames: int  # of all turntables, including those that the batch runner does not need to render
+    frames: int  # of all turntables, including frames that the batch runner does not need to render
     samples: Mapping[str, int]  # per pixel
     relmse: Mapping[str, float]  # mean over frames of the timed runs
     runs: tuple[SequenceRun, ...]
-    ratio: float  # frames a minute of exact over those of plain, from the medians of the repeats
+    ratio: float  # frames per minute of "exact" over frames per minute of "plain", from the medians of the repeats
     low: float  # the least ratio of a repeat
     high: float  # the largest ratio of a repeat
     skips: tuple[str, ...] = ()  # work that the batch runner leaves out because it changes no pixel
@@ -132,20 +132,20 @@ class SequenceResult:
 
 @dataclass(kw_only=True)
 class SequenceBenchmark(MatrixBenchmark):
-    """The benchmark that compares turntables of the batch runner with those of a plain Blender script.
+    """The benchmark that compares turntables of the batch runner with turntables of a plain Blender script.
 
-    It first measures the curves of the backends ``exact`` and ``principled``, which give the samples that make the
-    errors of the two programs equal. It raises LookdevError if one of these backends fails.
+    It first measures the curves of the backends ``exact`` and ``principled``. From these follow the samples that make
+    the errors of the two programs equal. Raises LookdevError if one of these backends fails.
     """
 
     NAME = "sequence"
     DEFAULTS = {"scenes": ("shaderball",), "repeats": 1}  # noqa: RUF012
 
     result: SequenceResult | None = None
-    producers: Mapping[str, ProduceFrames] | None = None  # replace those of `producers_of`
+    producers: Mapping[str, ProduceFrames] | None = None  # these functions replace the result of `producers_of`
 
     def check(self) -> None:
-        """Raise LookdevError for more than one scene or look, or for one that the plain script cannot render."""
+        """Raise LookdevError for several scenes or looks, or if the plain script cannot render the only one."""
         options = self.options = replace(self.options, backends=("exact", "principled"))
         if len(options.scenes) != 1 or len(options.looks) != 1:
             raise LookdevError("the sequence is of one scene and one look: give --scenes and --looks one name each")
@@ -160,17 +160,17 @@ class SequenceBenchmark(MatrixBenchmark):
         yield
 
     def time_producers(self, samples: int, guess: int) -> None:
-        """Time the batch runner and the plain script, whose runs are interleaved.
+        """Time the batch runner and the plain script. The runs of the two programs are interleaved.
 
-        `samples` is the number of samples of the batch runner. `guess` is that of the plain script: it is corrected
-        until the errors of a few frames of both programs are equal.
+        `samples` is the number of samples of the batch runner. `guess` is a first number of samples of the plain
+        script: it is corrected until the errors of a few frames of both programs are equal.
         """
         subject, seed, producers = self.subject, self.options.seed, self.producers or producers_of(self.subject)
         total = FRAMES * len(KINDS) * len(subject.ibls)
         runs: list[SequenceRun] = []
         with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
             folders = (Path(scratch, str(number)) for number in itertools.count())
-            probes: dict[tuple[str, int], Path] = {}  # folders of probes, by program and samples
+            probes: dict[tuple[str, int], Path] = {}  # the folder of the probes, by program and samples
 
             def measure_probes(backend: str, count: int) -> float:
                 """Render some frames of each turntable twice, with different seeds, and return their mean relMSE."""
@@ -207,7 +207,7 @@ class SequenceBenchmark(MatrixBenchmark):
 def choose_samples(
     exact: Sequence[Sequence[CurvePoint]], plain: Sequence[Sequence[CurvePoint]], target: float
 ) -> tuple[int, int]:
-    """Return the samples of the batch runner and of the plain script with which both have the same mean error.
+    """Return the samples of the batch runner and the samples of the plain script that give the same mean error.
 
     `exact` and `plain` have a curve for each light; the mean is over the lights. The samples of the batch runner are
     the smallest power of two with a mean error of at most `target`. Raises LookdevError if a curve has less than two
@@ -219,7 +219,7 @@ def choose_samples(
 
 
 def _fewest_samples(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]], target: float) -> int:
-    """Return the first of increasing numbers of samples with a mean error over the curves of at most `target`."""
+    """Return the first of increasing numbers of samples for which the mean error of the curves is at most `target`."""
     number = bisect_left(counts, True, key=lambda count: _mean_error(curves, count) <= target)
     if number == len(counts):
         raise LookdevError(f"relMSE {target:g} is out of reach of {counts[-1]} samples: nothing to compare")
@@ -235,8 +235,8 @@ def _mean_error(curves: Sequence[Sequence[CurvePoint]], samples: int) -> float:
 def match_error(target: float, guess: int, error: Callable[[int], float]) -> int:
     """Return the number of samples whose measured error is nearest to a target, within a tenth if possible.
 
-    `error` measures the error with a number of samples. The number `guess` is measured first. It is corrected by
-    interpolation in logarithms, because the error of rare bright pixels does not fall as 1 / samples.
+    `error` measures the error with a number of samples. The number `guess` is measured first. The next numbers follow
+    by interpolation in logarithms, because the error of rare bright pixels does not fall as 1 / samples.
     """
     errors: dict[int, float] = {}
     for _ in range(1 + _ROUNDS):
@@ -258,8 +258,8 @@ def match_error(target: float, guess: int, error: Callable[[int], float]) -> int
 def error_at(curve: Sequence[tuple[float, float]], effort: float) -> float:
     """Return the error at an effort on a curve of pairs (effort, error), by increasing effort.
 
-    The curve is interpolated, and extrapolated, linearly in the logarithms of both. Raises LookdevError if it has less
-    than two points.
+    The curve is interpolated, and extrapolated, linearly in the logarithms of both. Raises LookdevError if the curve
+    has less than two points.
     """
     if len(curve) < 2:
         raise LookdevError("a curve of two points or more is needed; give --samples more counts")
@@ -272,7 +272,7 @@ def _mean_relmse(subject: SequenceSubject, folder: Path, probes: Path, frames: i
     """Return the mean relMSE of a folder's turntables of `frames` frames, from the frames that have probes.
 
     `probes` is the folder with the independent renders of these frames. `relmse_of_halves` estimates the error of the
-    mean of two renders, which is half of the error of one.
+    mean of two renders, which is half the error of one render.
     """
     errors = []
     for ibl, kind, number in itertools.product(subject.ibls, KINDS, range(_PROBES)):

@@ -25,15 +25,15 @@ from lookdev.rendering.task import FrameTask
 from lookdev.rendering.worker import Worker
 
 JOBS = ("suzanne", "figure_16")
-"""The measured example jobs: the first has few frames of a large mesh, the second many looks of a small mesh."""
+"""The measured example jobs: the first has few frames and a large mesh, the second has many looks and a small mesh."""
 
 _TIMEOUT = 600.0  # seconds that a worker may be silent
-_SAMPLES = 2  # per pixel, of the frames whose change of scene is measured
+_SAMPLES = 2  # the samples per pixel of the frames that measure changes of scene
 
 
 @dataclass(frozen=True)
 class StepTimes:
-    """The wall seconds of each repeat of a step and, if the step is a command, the CPU seconds."""
+    """The wall seconds of each repeat of a step and, if the step is a command, its CPU seconds (`cpu`)."""
 
     step: str
     seconds: tuple[float, ...]

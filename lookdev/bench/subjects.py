@@ -57,7 +57,7 @@ class SubjectEntry(Generic[T]):
 
 @dataclass(frozen=True)
 class BenchScene(SubjectEntry[Asset]):
-    """An asset, and the number of bounces of its light; the renderer skips them for a convex asset."""
+    """An asset, and the number of bounces of light; the renderer skips bounces if the asset is convex."""
 
     bounces: int = Sampling.bounces
 
@@ -121,7 +121,7 @@ def varied_look(number: int) -> Look:
 
 
 def cloudy_mask(number: int) -> Texture:
-    """Return a cloudy mask, random by `number`; its file is made unless the cache has it."""
+    """Return a cloudy mask; `number` determines its random pattern. Its file is made unless the cache has it."""
 
     def write(file: Path) -> None:
         clouds = gaussian_filter(np.random.default_rng(number).random((_MASK_SIZE, _MASK_SIZE)), 8.0, mode="wrap")
@@ -245,7 +245,7 @@ def scale_lights(lights: Sequence[Light], asset: Asset) -> tuple[Light, ...]:
 
 
 def bench_lights(name: str, asset: Asset) -> tuple[Light, ...]:
-    """Return the lights with a name in `IBLS` or `RIGS`; those of a rig are placed around an asset."""
+    """Return the lights with a name in `IBLS` or `RIGS`; the lights of a rig are placed around an asset."""
     return scale_lights(RIGS[name].make(), asset) if name in RIGS else (bench_light(name),)
 
 
@@ -270,10 +270,10 @@ def bench_scene(
 
 
 def picture_key(scene: SceneTask, look: Look, ibl: str, pose: Pose = POSE) -> str:
-    """Return a text of all that a converged picture depends on, without its sampling and the code of its shader.
+    """Return a text of everything that a converged picture depends on, except its sampling and its shader's code.
 
     After a change of sampling or code, renders are therefore measured against an earlier reference. If the change
-    alters the picture, it shows as a bias.
+    alters the picture, the measurement shows a bias.
     """
     # The digest of a dome light includes the tables for sampling its map; the digest of the map does not.
     light = [light.digest for light in scene.lights] if ibl in RIGS else bench_environment(ibl).digest

@@ -51,11 +51,14 @@ class ComposedAsset:
         return collection_members(self.composed.stage, pattern, self.paths)
 
     def has_prim(self, path: str) -> bool:
-        """Return whether the asset's stage has a prim at a path, which need not be rendered."""
+        """Return whether the asset's stage has a prim at a path, whether or not the prim is rendered."""
         return self.composed is not None and prim_at(self.composed.stage, path) is not None
 
     def bound_looks(self, materials: Iterable[str]) -> dict[str, BoundLook]:
-        """Return the looks of materials that the asset binds, by path; raise the errors of `read_bound_looks`."""
+        """Read the looks of bound materials, by the material's path; raise the errors of `read_bound_looks`.
+
+        `materials` has the paths of the materials.
+        """
         paths = dict.fromkeys(materials)
         if self.composed is not None and (unread := [path for path in paths if path not in self._bound]):
             self._bound.update(read_bound_looks(self.composed, unread))
@@ -84,7 +87,7 @@ class AssetReader:
         return Composition(table.usd, look.layer, table.prim, tuple(variants.items()), table.missing)
 
     def variant_choices(self, look: JobLook) -> tuple[dict[str, str], ...]:
-        """Return the variants of each look to which a look without a material expands.
+        """Expand a look without a material: return the variants of each resulting look.
 
         A variant ``"*"`` stands for all variants of its set. Raises the errors of `compose`.
         """
@@ -92,7 +95,7 @@ class AssetReader:
         assert composition is not None, "a look of a built-in asset has a material, or no variants"
 
         def choices(selection: dict[str, str], variant_set: str) -> tuple[str, ...]:
-            """Return the variants of a variant set, if the variants `selection` are chosen."""
+            """Return the variants that a variant set has when the variants in `selection` are chosen."""
             variants = {**self._table.variants, **selection}
             fixed = tuple(choice for choice in variants.items() if choice[1] != "*")
             return variant_choices(compose(replace(composition, variants=fixed)), variant_set)

@@ -1,11 +1,11 @@
 """Assignment of looks to the parts of an asset, for one ``[[look]]`` of a job.
 
-A *part* is a mesh or a GeomSubset of a mesh (`lookdev.scene.parts`). It gets the first of these that exists:
+A *part* is a mesh or a GeomSubset of a mesh (`lookdev.scene.parts`). A part gets the first of these that exists:
 
 1. the material of the first ``assign`` table of the ``[[look]]`` with a pattern that fits the part
 2. the ``material`` of the ``[[look]]``
 3. the material that the asset binds to the part
-4. a look of the primvar displayColor
+4. a look that is made from the primvar displayColor
 5. the grey of a photographer's card, with a note
 """
 
@@ -33,9 +33,10 @@ _COLOR, _OPACITY = "displayColor", "displayOpacity"
 
 @dataclass(frozen=True, eq=False)
 class AssignedAsset:
-    """An asset with the look of each slot, by the path of the slot.
+    """An asset with the look of each slot; a slot is a part to which one look is assigned.
 
-    `bound` has the paths of the slots whose looks come from the asset itself: its materials, or its displayColor.
+    `looks` has the look of each slot, by the slot's path. `bound` has the paths of the slots whose looks come from the
+    asset itself: from its materials, or from its displayColor.
     """
 
     asset: Asset
@@ -45,10 +46,10 @@ class AssignedAsset:
 
 @dataclass(frozen=True)
 class Assignment:
-    """The origin of the material of a part in a ``[[look]]`` of a job.
+    """The statement in a ``[[look]]`` that gives a part its material.
 
-    `assign` is the index of the ``assign`` table, whose `pattern` fits the part. If `assign` is None, the material is
-    that of the ``[[look]]`` itself.
+    `assign` is the index of the ``assign`` table, and `pattern` is the pattern of this table that fits the part. If
+    `assign` is None, the part has the ``material`` of the ``[[look]]`` itself.
     """
 
     assign: int | None = None
@@ -56,7 +57,7 @@ class Assignment:
 
 
 def read_materials(look: JobLook, key: str, findings: Findings) -> list[Look]:
-    """Return the look of each ``assign`` table of a ``[[look]]``, then that of its ``material`` if it has one.
+    """Read the looks of the ``assign`` tables of a ``[[look]]``, then the look of its own ``material``, if any.
 
     `key` is the key of the ``[[look]]`` in the job file. A material with faults is replaced by grey.
     """
@@ -126,7 +127,7 @@ def assign_looks(
 
 
 def assignments_of_parts(look: JobLook, composed: ComposedAsset, key: str, findings: Findings) -> dict[str, Assignment]:
-    """Return the assignment of each part to which the job assigns a material, by the part's path.
+    """Return the assignments of parts by the part's path; parts without a material from the job are left out.
 
     Patterns that fit no part are faults.
     """
@@ -155,7 +156,10 @@ def loss_notes(lost: Iterable[Fault]) -> Iterator[str]:
 
 
 def _display_primvar(mesh: Mesh) -> str | None:
-    """Return the primvar that gives a mesh without a material its look: opacity, if below 1, else colour, else None."""
+    """Return the primvar that gives a mesh without a material its look: displayOpacity or displayColor.
+
+    displayOpacity counts if it is below 1 anywhere. Without both primvars, the result is None.
+    """
     if (mesh.primvars.get(_OPACITY, np.ones(1)) < 1.0).any():
         return _OPACITY
     return _COLOR if _COLOR in mesh.primvars else None
@@ -166,7 +170,7 @@ def _match_patterns(
 ) -> Mapping[str, int]:
     """Return the index of the first pattern that fits each part, by the part's path; other parts are not in the result.
 
-    `patterns` are pairs of a key of the job file and a pattern. A pattern that fits no part is a fault of its key.
+    `patterns` are pairs of a key in the job file and a pattern. A pattern that fits no part is a fault of the key.
     """
     members: dict[str, frozenset[str]] = {}
     broken = set()

@@ -16,7 +16,7 @@ from lookdev.material.variants import MAX_COMBINATIONS
 def expand_material(
     name: str, file: Path, prim: str | None, variants: Mapping[str, str]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the name and the variants of each look to which a material expands.
+    """Expand a material into looks, and yield the name and the variants of each look.
 
     A variant ``"*"`` expands to all variants of its set. The look of each variant is named ``<name>_<variant>``. Raises
     the LookError of `expand_variants`.
@@ -25,9 +25,9 @@ def expand_material(
 
 
 def expand_looks(job: Job, assets: AssetReader, findings: Findings) -> tuple[Job, dict[str, str]]:
-    """Return the job with expanded looks, and the key in the job file of each look by its name.
+    """Return the job with expanded looks, and the key of each look in the job file, by the look's name.
 
-    Raises FaultsError, before later steps can add faults, if there are too many looks or frames.
+    If there are too many looks or frames, raises FaultsError at once, before later steps add faults.
     """
     looks: list[JobLook] = []
     keys: dict[str, str] = {}
@@ -52,7 +52,7 @@ def expand_looks(job: Job, assets: AssetReader, findings: Findings) -> tuple[Job
 
 
 def _expand_table(table: JobLook, assets: AssetReader) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield the name and the variants of each look to which a ``[[look]]`` of the job expands."""
+    """Expand a ``[[look]]`` of the job into looks, and yield the name and the variants of each look."""
     if table.material is not None:
         yield from expand_material(table.name, table.material, table.prim, table.variants)
     else:
@@ -62,7 +62,10 @@ def _expand_table(table: JobLook, assets: AssetReader) -> Iterator[tuple[str, di
 def _expand(
     name: str, variants: Mapping[str, str], expand: Callable[[], Iterable[dict[str, str]]]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield names and variants; `expand` is called only if a variant is ``"*"``, and returns all combinations."""
+    """Expand a look into one look for each combination of variants, and yield their names and variants.
+
+    `expand` returns all combinations of variants. It is called only if a variant is ``"*"``.
+    """
     expanded = [variant_set for variant_set, variant in variants.items() if variant == "*"]
     for choice in expand() if expanded else [dict(variants)]:
         yield "_".join([name, *(choice[variant_set] for variant_set in expanded)]), choice

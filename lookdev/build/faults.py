@@ -10,7 +10,7 @@ from lookdev.job.schema import Job
 
 
 class Findings:
-    """Faults in the files of a job, each with the key in the job that names the file, and notes for the user."""
+    """The faults in the files of a job, and notes for the user."""
 
     def __init__(self, job: Job) -> None:
         self._file = str(job.file)
@@ -18,7 +18,7 @@ class Findings:
         self.notes: list[str] = []
 
     def add(self, key: str, problem: str, hint: str = "") -> None:
-        """Add a fault of a key of the job."""
+        """Add a fault of a key in the job file."""
         self.faults.append(Fault(self._file, key, problem, hint))
 
     def note(self, *notes: str) -> None:
@@ -27,7 +27,10 @@ class Findings:
 
     @contextmanager
     def collect(self, key: str) -> Iterator[None]:
-        """Turn errors that are raised in the context into faults; `key` is the key of the job that names the file."""
+        """Turn errors that are raised in the context into faults.
+
+        A FaultsError has faults of its own. Any other error becomes a fault of `key`, a key in the job file.
+        """
         try:
             yield
         except FaultsError as error:

@@ -1,8 +1,8 @@
 """The rendered geometry of each look of a job, the camera, and the ground.
 
-A camera either frames the geometry, or comes from a USD file. If there are control cages, it is computed twice. The
-first camera frames the cages themselves, whose size in its frame determines the level of refinement. The second one,
-the camera of the scenes, frames the rendered geometry: the refined and displaced meshes.
+A camera either frames the geometry, or comes from a USD file. If there are control cages, the camera is computed twice.
+The first camera frames the cages. Their size in its frame determines the level of refinement. The second camera is the
+camera of the scenes. It frames the rendered geometry: the refined and displaced meshes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _STEP = 5.0  # degrees between two angles of the asset at which `overlap_notes` 
 def refine_and_frame(
     job: Job, assigned: Mapping[str, AssignedAsset], shot: UsdCamera | None, keys: Mapping[str, str], findings: Findings
 ) -> tuple[dict[str, Asset], dict[str, Camera]]:
-    """Return the refined and displaced asset, and the camera, of each look, by the look's name.
+    """Return the refined and displaced asset of each look, and its camera, both by the look's name.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def refine_and_frame(
     shot
         The camera of a USD file that the job names; None if the job has none.
     keys
-        The key in the job file of each look.
+        The key of each look in the job file, by the look's name.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def refine_and_frame(
 
 
 def read_shot(job: Job, composed: ComposedAsset) -> UsdCamera | None:
-    """Return the camera that ``camera.usd`` of a job names, from the asset or from another file; None without it."""
+    """Read the camera that ``camera.usd`` of a job names, from the asset or another file; None if it names none."""
     if job.camera.usd is None:
         return None
     if job.camera.file is not None:
@@ -119,9 +119,9 @@ def job_cameras(
 
 
 def element_arcs(job: Job) -> tuple[Arc, ...]:
-    """Return the distinct ranges of `Pose.element` in a job, one for each turntable.
+    """Return the range of `Pose.element` in each turntable of a job, without duplicates.
 
-    The range of a turntable that does not turn the asset, or has one frame, is a single angle.
+    If a turntable does not turn the asset, or has only one frame, its range is a single angle.
     """
     azimuth = job.camera.azimuth
     arcs = []
@@ -133,7 +133,7 @@ def element_arcs(job: Job) -> tuple[Arc, ...]:
 
 
 def _frame(job: Job, assets: list[Asset]) -> Camera:
-    """Return a camera that frames assets, so that they do not reach into the strip of reference props, if any."""
+    """Return a camera that frames assets, and keeps them out of the strip of reference props if the job has one."""
     camera, resolution = job.camera, job.render.resolution
     elevation, arcs = camera.elevation, element_arcs(job)
     fill = DEFAULT_FILL if camera.fill is None else camera.fill
@@ -157,7 +157,7 @@ def _frame(job: Job, assets: list[Asset]) -> Camera:
         if camera.margin is None
         else math.tan(math.asin(math.sin(half_angle) / camera.margin)) / math.tan(half_angle)
     )
-    # If the strip fits beside the asset, the frame stays. Otherwise the asset is framed in the rest of the frame.
+    # If the strip fits beside the asset, the asset is framed in the whole frame, otherwise in the rest of the frame.
     if 0.5 * (1.0 - covered) * pixels_across_strip >= strip.thickness:
         return frame(resolution, fov)
     picture_fov = math.degrees(2.0 * math.atan(reach * strip.picture_size[0] / resolution[0]))
@@ -189,7 +189,7 @@ def overlap_notes(strip: Strip, camera: Camera, points: Floats, arcs: Iterable[A
     points : (n, 3)
         The outline of the asset.
     arcs
-        The ranges of the asset's rotation in the job, `element_arcs`.
+        The ranges of the asset's rotation in the job, as `element_arcs` returns them.
     """
     (width, height), box = strip.resolution, strip.box
     for start, sweep in arcs:

@@ -1,6 +1,7 @@
-"""Reading of the lights of a job, ``[[ibl]]`` and ``[[rig]]``, with those of wedges and their placement at the asset.
+"""Reads the lights of a job, with the lights that wedges add, and places them around the asset.
 
-Both tables are called rigs here: an ``[[ibl]]`` is a rig of one dome light.
+A job has its lights in tables ``[[ibl]]`` and ``[[rig]]``. Both are called rigs here: an ``[[ibl]]`` is a rig of one
+dome light.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class RigLights:
     def place_around(self, asset: Asset) -> tuple[Light, ...]:
         """Return the lights, scaled and moved to an asset if the rig is fitted.
 
-        For comparable frames, all looks of a job take the same asset, the largest one.
+        To keep frames comparable, the caller passes the same asset for all looks of a job: the largest one.
         """
         if not self.is_fitted:
             return self.lights
@@ -49,9 +50,9 @@ class RigLights:
         return tuple(light.rescale(asset.radius, (x, y, z)) for light in self.lights)
 
     def link_notes(self, parts: Collection[str]) -> Iterator[str]:
-        """Yield a note on each path of a light link or shadow link at and below which there is no part.
+        """Yield a note for each path in a light link or shadow link that matches no part.
 
-        `parts` has the paths of all parts.
+        A path matches the part at this path and all parts below it. `parts` has the paths of all parts.
         """
         for rig_light in self.rig.rig_lights if self.rig else ():
             emission = rig_light.light.emission
@@ -63,9 +64,9 @@ class RigLights:
 
 
 def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLights, ...]:
-    """Read the rigs of a job; without `sampled`, domes have no tables with which shaders draw directions.
+    """Read the rigs of a job; rigs with faults are left out.
 
-    A rig with faults is left out.
+    `sampled` states whether domes get tables with which shaders draw directions.
     """
     rigs: list[RigLights] = []
     for table in job.rigs:
@@ -80,9 +81,10 @@ def read_lights(job: Job, findings: Findings, *, sampled: bool) -> tuple[RigLigh
 def vary_lights(
     job: Job, wedges: Wedges, rigs: Sequence[RigLights], findings: Findings, *, sampled: bool
 ) -> tuple[Job, tuple[RigLights, ...], dict[str, str]]:
-    """Return the job with the rigs that its wedges add, the lights of all rigs, and the job's key of each rig.
+    """Return the job with the rigs that its wedges add, the lights of all rigs, and the key of each rig by its name.
 
-    `rigs` has the lights of the job without wedges. Rigs that differ only in exposure and rotation share their lights.
+    A key is the location in the job file. `rigs` has the lights of the job without wedges. Rigs that differ only in
+    exposure and rotation share their lights.
     """
     keys = {rig.name: job.key_of_rig(rig.name) for rig in job.rigs}
     tables = {rig.name: rig for rig in job.rigs}
@@ -94,7 +96,7 @@ def vary_lights(
         varied_tables.append(table)
         with findings.collect(variation.key):
             if (base := lights.get(variation.base)) is None:
-                continue  # the light has faults, which are reported already
+                continue  # the rig has faults, which are reported already
             values = {key.removeprefix("light:"): value for key, value in variation.changes if key.startswith("light:")}
             if values and isinstance(table, JobRig):
                 base = _read_table(job, table, values, sampled=sampled)
@@ -108,7 +110,10 @@ def vary_lights(
 def _read_table(
     job: Job, table: JobIbl | JobRig, values: Mapping[str, WedgeInput] | None = None, *, sampled: bool
 ) -> RigLights:
-    """Read the lights of an ``[[ibl]]`` or ``[[rig]]``; `values` are the `change_values` of a rig's lights."""
+    """Read the lights of an ``[[ibl]]`` or ``[[rig]]``.
+
+    For a ``[[rig]]``, `values` replace inputs of its lights. A key is a light, a dot and an input: ``"Key.intensity"``.
+    """
     space = job.render.space
     if isinstance(table, JobIbl):
         dome_map = load_dome(table.file, table.builtin, sampled=sampled)

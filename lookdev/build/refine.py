@@ -1,8 +1,9 @@
-"""Refinement of control cages to the rendered meshes, by their size in the frame or to the level that a job states.
+"""Refinement of control cages to the rendered meshes.
 
-A *cage* is a mesh with subdivision rules. Refinement to level n divides each of its faces into 4^n. The cache stores
-refined assets, levels of refinement and outlines for the next run of a job. The key of an entry is a digest of all that
-the result depends on, including the code that computes it.
+A *cage* is a mesh with subdivision rules. Refinement to level n divides each face of the cage into 4^n faces. A job
+states the level, or it follows from the size of the cage in the frame. The cache stores refined assets, levels of
+refinement and outlines for the next run of a job. The key of an entry is a digest of everything that the entry depends
+on, including the code that computes it.
 """
 
 from __future__ import annotations
@@ -37,15 +38,15 @@ This many corners take about 8 GB during refinement."""
 class Refiner:
     """Refines the cages of assets; a mesh that several looks share is refined only once.
 
-    `level` is the level of every cage, or "auto" for levels by the size in the frame. `width` is the width of the frame
-    in pixels.
+    `level` is the level of every cage. With "auto", the level of a cage follows from its size in the frame. `width` is
+    the width of the frame in pixels.
     """
 
     def __init__(self, level: Literal["auto"] | int, width: int) -> None:
         self._level = level
         self._width = width
-        # The keys are the ids of cages or assets with their levels, the values are refined meshes or assets. A value
-        # also contains the object of the id, which keeps the object alive and its id unique.
+        # A key is the id of a cage or an asset, with its level or levels. A value is the refined mesh or asset, and the
+        # object that has the id: this keeps the object alive and its id unique.
         self._meshes: dict[tuple[int, int], tuple[Mesh, Mesh]] = {}
         self._assets: dict[tuple[int, tuple[int, ...]], tuple[Asset, Asset]] = {}
 
@@ -141,15 +142,15 @@ def _load_refined(key: str, cages: Asset) -> Asset | None:
             loaded = read_asset(file.path)
         case _:
             return None
-    # The file has only the data on which pixels depend; the other fields are copied from the cages.
+    # The file has only the data that affect pixels; the other fields are copied from the cages.
     meshes = [replace(mesh, default_uv=cage.default_uv) for mesh, cage in zip(loaded.meshes, cages.meshes, strict=True)]
     return replace(loaded, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
 
 
 def cached_outline(asset: Asset) -> Floats:
-    """Return the `hull_points` (n, 3) of an asset, with which cameras frame it.
+    """Return the `hull_points` (n, 3) of an asset, which a camera frames.
 
-    The cache stores them if the asset has several instances.
+    The cache stores the points if the asset has several instances.
     """
     if len(asset.instances) == 1:
         return hull_points(asset.meshes, asset.instances)

@@ -1,7 +1,7 @@
-"""From a job to its scenes: `build_scenes` runs all steps, in the other modules of `lookdev.build`.
+"""Builds the scenes of a job: `build_scenes` runs all steps, which are in the other modules of `lookdev.build`.
 
-The steps are: expand looks with variants ``"*"`` and wedges, read lights, materials and the asset, assign looks to
-parts, refine the geometry and frame it with cameras, and link lights to parts.
+The steps are: expand looks with variants ``"*"`` and wedges; read lights, materials and the asset; assign looks to
+parts; refine the geometry and frame it with cameras; link lights to parts.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from lookdev.scene.ground import GROUND_PATH, add_ground
 from lookdev.scene.scene import link_lights
 
 PrepareAhead = Callable[[Job, Look, tuple[Light, ...]], None]
-"""A callback that can prepare a render, with the job and a look and lights that the job will probably render."""
+"""A callback that can prepare a render. It gets the job, and a look and lights that the job will probably render."""
 
 
 @dataclass(frozen=True)
 class JobScenes:
-    """The scenes of a job, by the names of look and rig. A rig is an ``[[ibl]]`` or a ``[[rig]]``."""
+    """The scenes of a job. A rig is an ``[[ibl]]`` or a ``[[rig]]``."""
 
     job: Job  # expanded: each variant is a separate look, and so is each look of a wedge
-    scenes: Mapping[tuple[str, str], Scene]  # in the order of the looks
+    scenes: Mapping[tuple[str, str], Scene]  # by the names of look and rig, in the order of the looks
     look_keys: Mapping[str, str]  # the key in the job file of each look, by its name
     notes: tuple[str, ...]  # for the user, without duplicates
     rig_keys: Mapping[str, str]  # the key in the job file of each rig, by its name
@@ -74,7 +74,7 @@ def build_scenes(
     job, rigs, rig_keys = vary_lights(job, wedges, lights, findings, sampled=sampled)
     for name, variation in wedges.looks.items():
         materials[name] = vary_looks(materials[variation.base], variation, findings)
-    # For each look of the job, the last result of `read_materials`: that of its `material`, else of its last `assign`.
+    # The last result of `read_materials` for a look comes from its `material`, else from its last `assign`.
     own_looks = [looks[-1] for looks in materials.values() if looks]
     placed_lights = [rig.lights for rig in rigs if not rig.is_fitted]
     if not findings.faults and own_looks and placed_lights:

@@ -1,7 +1,7 @@
 """Expansion of the wedges of a job: the looks and lights that they add, and their contact sheets.
 
 A wedge renders looks under lights (an ``[[ibl]]`` or ``[[rig]]``) with a series of values of a parameter. Each value
-makes another look or light. A wedge has one or two *axes*, each of which is a parameter with its values, the *steps*.
+makes another look or light. A wedge has one or two *axes*. An axis is a parameter with its values, the *steps*.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ from lookdev.material.change import look_with_value
 class WedgeSheet:
     """A contact sheet of a wedge, for one look under one light of the job.
 
-    `look` and `rig` are the names of these. `cells` has, row by row, the names of the look and the light of each frame
-    on the sheet, and `labels` its label. `columns` is the number of columns, None if the sheet has only one axis.
+    `name` is the name of the sheet, and `title` is its heading. `look` and `rig` are the names of the look and the
+    light of the job. The sheet has a frame for each of `cells`, row by row. A cell is the name of the frame's look and
+    the name of its light. `labels` has the label of each cell. `columns` is the number of columns; it is None if the
+    sheet has only one axis.
     """
 
     name: str
@@ -47,9 +49,11 @@ class Variation:
 
 @dataclass(frozen=True)
 class Wedges:
-    """The looks and lights that wedges add to a job, by their names.
+    """The looks and lights that wedges add to a job.
 
-    The keys of `pairs` are the names of look and light of everything that is rendered, those without wedges first.
+    `looks` and `rigs` have the added looks and lights, by name. The keys of `pairs` are pairs of the name of a look and
+    the name of a light. All these pairs are rendered; the pairs of the job without wedges come first. The values of
+    `pairs` are not used.
     """
 
     looks: dict[str, Variation] = field(default_factory=dict)
@@ -87,9 +91,9 @@ def expand_wedges(job: Job, findings: Findings) -> Wedges:
 
 
 def vary_looks(looks: Sequence[Look], variation: Variation, findings: Findings) -> list[Look]:
-    """Return the materials of a look that a wedge adds; `looks` are the materials of the look that it varies.
+    """Return the materials of a look that a wedge adds; `looks` are the materials of the look that the wedge varies.
 
-    A change applies to all materials that have the parameter. It is a fault if there are none.
+    A change applies to all materials that have the parameter. If no material has it, the change is a fault.
     """
     varied = list(looks)
     for parameter, value in variation.changes:
@@ -106,9 +110,10 @@ def vary_looks(looks: Sequence[Look], variation: Variation, findings: Findings) 
 
 
 def vary_rig(table: JobIbl | JobRig, name: str, variation: Variation, findings: Findings) -> JobIbl | JobRig:
-    """Return the ``[[ibl]]`` or ``[[rig]]`` of a light that a wedge adds; `table` is that of the light that it varies.
+    """Return the table, ``[[ibl]]`` or ``[[rig]]``, of a light that a wedge adds.
 
-    Only the parameters `LIGHT_KEYS` are keys of these tables; other parameters are values of a rig's lights.
+    `table` is the table of the light that the wedge varies. Only the parameters in `LIGHT_KEYS` are keys of these
+    tables; other parameters are values of a rig's lights.
     """
     update: dict[str, object] = {"name": name}
     for parameter, value in variation.changes:
@@ -124,7 +129,7 @@ def vary_rig(table: JobIbl | JobRig, name: str, variation: Variation, findings: 
 
 
 def _add_sheet(wedges: Wedges, wedge: JobWedge, key: str, look: str, rig: str) -> WedgeSheet:
-    """Add to `wedges` the looks and lights of a wedge for one look under one light, and return their sheet."""
+    """Vary one look under one light by a wedge: add the new looks and lights to `wedges`, and return their sheet."""
     cells, labels = [], []
     for steps in product(*(axis.steps for axis in wedge.axes)):
         cell = []

@@ -1,9 +1,9 @@
 """The check "albedo" of `lookdev check`: compares the directional albedo of a look, computed in three ways.
 
 The albedo is computed in NumPy by quadrature and by importance sampling (`lookdev.reference.albedo`), and by Cycles.
-Cycles renders a card with the look, first under light from its front, which shows the reflected light, then from its
-back, which shows the transmitted light. A look that varies over a surface is checked at a few random points. At each
-point its textures are replaced by their values, so that the look is constant.
+Cycles renders a card with the look under light from two sides. Light from the front shows the reflected light. Light
+from the back shows the transmitted light. A look that varies over a surface is checked at a few random points. At each
+point, the values of its textures replace the textures, so that the look is constant.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ FALSE_ALARM_PROBABILITY = 1e-3
 ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0)
 """Angles of view, degrees from the normal."""
 
-# Relative and absolute tolerance of the albedo. For exact backends it allows for float32 rounding, as at points, and
-# for the blurred edge of the light at the card's horizon. Other backends approximate the models by fits.
+# The relative and the absolute tolerance of the albedo. For exact backends, they allow for float32 rounding, and for
+# the blurred edge of the light at the card's horizon. Other backends approximate the models by fits.
 _EXACT, _FITTED = (2e-4, 2e-5), (1e-2, 1e-3)
-_SIDE = 16  # pixels
+_SIDE = 16  # the side of a render in pixels
 _SIZE = (_SIDE, _SIDE)
 _SAMPLING = Sampling(samples=64, brdf_samples=4, ibl_samples=0, bounces=0)  # directions are drawn from the BSDF only
-_SCRAMBLES, _POINTS = 32, 512  # independent sets of random numbers, and samples of each, for `sample_albedo`
-# The field of view in degrees, the narrowest of Blender's cameras: the albedo is nearly constant over it. The distance
-# of the camera in metres.
+_SCRAMBLES, _POINTS = 32, 512  # the number of independent sets of samples, and samples of a set, for `sample_albedo`
+# The camera's field of view in degrees, and its distance in metres. Blender has no camera with a smaller field of view:
+# the albedo is nearly constant over it.
 _FOV, _DISTANCE = 0.4, 6.0
 # Width and height of the map of a half-bright light, in texels. Two rows suffice, because the light depends on
 # longitude only. The fine columns keep the light of the bright half off the other side of the card.
 _LIGHT_SIZE = (16384, 2)
 _SIDES = ("reflected", "transmitted")
 _ESTIMATORS = ("NumPy's samples", "Cycles")  # the two estimates that are compared with the quadrature
-_WORST = 5  # deviations that a finding lists
+_WORST = 5  # the number of deviations that a finding lists
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class _Curves:
     """
 
     look: Look
-    azimuth: float  # of all views, degrees
+    azimuth: float  # the azimuth of all views, degrees
     transmits: bool  # whether light passes through the look
     quadrature: Albedo
     sampled: Albedo
@@ -98,7 +98,8 @@ def check_albedo(
     seed
         Seed of the points, the azimuths of the views and all samples.
     backend
-        Name of the backend that renders the look. One that is not exact may deviate by 1 %, the error of its fits.
+        The name of the backend that renders the look. A backend that is not exact may deviate by 1 %, the error of its
+        fits.
     alter
         Alters the text of the shader.
 
@@ -219,7 +220,7 @@ def _half_light(*, front: bool) -> Dome:
 def _excess(curves: list[_Curves], transmits: bool, band: tuple[float, float]) -> Floats:
     """Return the deviations from the quadrature, divided by the deviations that noise and rounding may cause.
 
-    The axes are (points, estimators, views, sides, channels). `band` is the relative and absolute tolerance of Cycles.
+    The axes are point, estimator, view, side and channel. `band` is the relative and the absolute tolerance of Cycles.
     """
     sides = 2 if transmits else 1
     count = len(curves) * 2 * curves[0].quadrature.value[:, :sides].size
@@ -246,7 +247,7 @@ def _cycles_error(curves: list[_Curves]) -> float:
 
 
 def _describe_case(curves: list[_Curves], angles: tuple[float, ...], excess: Floats, index: int) -> str:
-    """Return a line of JSON on one deviation; `index` is its position in the flattened `excess`."""
+    """Return a line of JSON about one deviation; `index` is its position in the flattened `excess`."""
     point, estimator, view, side, channel = (int(i) for i in np.unravel_index(index, excess.shape))
     curve = curves[point]
     estimate = (curve.sampled, curve.cycles)[estimator]

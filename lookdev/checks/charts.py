@@ -26,28 +26,31 @@ from lookdev.scene.charts.props import Box, Strip, asset_of_props, crop_camera
 from lookdev.space import to_space
 
 _WHITE = Look("white", (Layer("White", "lambert", {"reflectance": (1.0, 1.0, 1.0)}),))
-_SCRAMBLES = 16  # independent sets of samples of a prediction
+_SCRAMBLES = 16  # the number of independent sets of samples of a prediction
 _SAMPLES = 2048, 256
-"""Samples of each set, if all lights are infinitely far, and otherwise.
+"""The samples of each set: the first number is for lights that are all infinitely far, the second for other lights.
 
 With lights that are infinitely far, the radiance of a white surface is predicted at one patch, and is the same at all
-patches. Otherwise it is predicted at each patch, with fewer samples.
+patches. With other lights, it is predicted at each patch, with fewer samples.
 """
 
 _FALSE_ALARM_PROBABILITY = 1e-3
-"""The probability that noise alone makes any reading of a frame reported; noise has Student's distribution."""
+"""The probability that a frame has any reading that is reported because of noise alone.
+
+The noise has Student's distribution."""
 
 SYSTEMATIC = 1e-3
 """The relative error that both halves of a frame may share: twice the error of a dome's points (docs/accuracy.md)."""
 
-_MAX_LISTED = 4  # readings in a message
+_MAX_LISTED = 4  # the most readings that a message lists
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A square of a frame of props: its measured and predicted mean, and the standard error of their difference.
+    """A reading of a square in a frame of props.
 
-    The arrays have the shape (3,), the channels.
+    `measured` and `predicted` are the means over the square. `error` is the standard error of their difference. The
+    arrays have the shape (3,), the channels.
     """
 
     name: str
@@ -160,9 +163,9 @@ def _inner_square(box: Box) -> _Square:
 
 
 def _predict_white(task: FrameTask, strip: Strip, squares: Mapping[str, _Square]) -> dict[str, tuple[Floats, Floats]]:
-    """Return, by the name of a prop, the radiance (3,) of a white surface in its place and the standard error (3,).
+    """Predict the radiance (3,) of a white surface in the place of each prop, with its standard error (3,).
 
-    The radiance includes the exposure of the frame.
+    The keys are the names of the props. The radiance includes the exposure of the frame.
     """
     scene, gain = task.scene, 2.0**task.exposure
     lights = scene.lights_of_shader(scene.slot_shaders[-1])

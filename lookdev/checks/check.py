@@ -43,16 +43,16 @@ from lookdev.scene import Film, Pose, Sampling, Scene
 
 @dataclass(frozen=True)
 class CheckDepth:
-    """The amount of work of the checks, except that of stability."""
+    """The amount of work of each check except "stability"."""
 
-    cases: int  # points: the number of points and directions at which a look is evaluated
-    points: int  # albedo: the number of points at which a look that varies is checked
-    angles: tuple[float, ...]  # albedo: the angles of view, degrees
-    pixels: int  # image: the number of pixels that are compared with the reference
-    side: int  # image: the longer side of the frame in pixels, at most
-    samples: int  # image: samples per pixel of each render
-    reference: int  # image: samples of each independent set of the reference
-    converged: int  # image: samples of the converged frame with which FLIP is computed; 0: no FLIP
+    cases: int  # check "points": the number of points and directions at which a look is evaluated
+    points: int  # check "albedo": the number of points at which a look that varies is checked
+    angles: tuple[float, ...]  # check "albedo": the angles of view, degrees
+    pixels: int  # check "image": the number of pixels that are compared with the reference
+    side: int  # check "image": the largest number of pixels along the longer side of the frame
+    samples: int  # check "image": the samples per pixel of each render
+    reference: int  # check "image": the samples of each independent set of the reference
+    converged: int  # check "image": the samples of the converged frame that FLIP compares with; 0 means no FLIP
 
 
 DEPTHS: dict[DepthName, CheckDepth] = {
@@ -88,7 +88,7 @@ def check_file(
         A job (.toml), or a USD file with a look, which is checked on the shaderball under ``city``. Without a file
         every model is checked, by ``"stability"`` only.
     only
-        Names of `CHECKS` to run. Empty: those in `DEFAULT_CHECKS`.
+        The names of the checks to run, keys of `CHECKS`. If it is empty, the `DEFAULT_CHECKS` run.
     depth
         A name of `DEPTHS`.
     seed
@@ -152,7 +152,7 @@ def _read_setups(
 
 @dataclass(frozen=True)
 class _CheckArguments:
-    """The arguments that all checks get: the setups (a look and a light each) to check, and the options."""
+    """The arguments that all checks get: the setups to check, each a look under a light, and the options."""
 
     setups: tuple[Setup, ...]
     turns: TurntableFrames
@@ -212,10 +212,10 @@ def _check_images(subject: _CheckArguments) -> Iterator[CheckFinding]:
 
 
 def _check_image(subject: _CheckArguments, setup: Setup, pose: Pose) -> CheckFinding | None:
-    """Check a frame of a setup at a pose; return None if it is black.
+    """Check a frame of a setup at a pose; return None if the frame is black.
 
-    The frame of an exact backend is compared with the float64 reference, that of another backend with the backend
-    ``exact``.
+    The frame of an exact backend is compared with the float64 reference. The frame of any other backend is compared
+    with a frame of the backend ``exact``.
     """
     depth, task, name = DEPTHS[subject.depth], setup.task, f"{setup.look}, {setup.ibl}"
     shrink = min(1.0, depth.side / max(task.resolution))
@@ -256,7 +256,7 @@ def _check_image(subject: _CheckArguments, setup: Setup, pose: Pose) -> CheckFin
 
 
 def _mean_halves(frames: Sequence[Halves]) -> tuple[Floats32, Floats32]:
-    """Return the mean of the first halves of frames and the mean of their second halves, each (H, W, 3)."""
+    """Return the mean of the frames' first halves, and the mean of the frames' second halves, each (H, W, 3)."""
     return np.mean([frame.a for frame in frames], axis=0), np.mean([frame.b for frame in frames], axis=0)
 
 

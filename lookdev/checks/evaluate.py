@@ -1,4 +1,4 @@
-"""Evaluates models, and stacks of them, for given directions, in NumPy or inside Cycles.
+"""Evaluates models, and stacks of models, for given directions, in NumPy or inside Cycles.
 
 `lookdev eval` uses this module, with lines of JSON as input and output. The checks at points and of stability use it
 with arrays. The results of a case are f, the value of the BSDF, and pdf, the density of its samples.
@@ -33,7 +33,7 @@ from lookdev.safe_text import TextError, parse_json
 
 Evaluator = Literal["numpy", "cycles"]
 
-_UNIT_TOLERANCE = 1e-4  # of the length of a direction
+_UNIT_TOLERANCE = 1e-4  # the length of a direction may deviate from 1 by less than this number
 _PROCESS_TIMEOUT = 600.0  # seconds
 _LAYER_KEYS = ("model", "params", "mask", "mode")
 _FRESNEL = "fresnel"  # in place of a model: Fresnel's equations for a conductor
@@ -41,7 +41,7 @@ _FRESNEL = "fresnel"  # in place of a model: Fresnel's equations for a conductor
 
 @dataclass(frozen=True)
 class Batch:
-    """n cases of one stack of layers, which differ in their numbers and directions only.
+    """n cases of one stack of layers. The cases differ only in their numbers and directions.
 
     Attributes
     ----------
@@ -50,8 +50,8 @@ class Batch:
     wo, wi : (n, 3)
         Unit directions to the viewer and to the light, in the frame whose z is the normal.
     numbers
-        A dictionary for each layer. It has the parameters, (n,) or (n, 3), and the ``"mask"``, (n,), that are not
-        constants of the layer.
+        A dictionary for each layer. It has the values of the parameters, (n,) or (n, 3), by name, and the values of the
+        mask, (n,), by the key ``"mask"``. Constants of the layer are left out.
     """
 
     layers: tuple[PointLayer, ...]
@@ -75,7 +75,7 @@ def round_to_float32(values: Floats) -> Floats:
 
 
 def _build_stack(layers: Sequence[PointLayer], numbers: Sequence[Mapping[str, Floats]], wo: Array) -> Bsdf:
-    """Return the BSDF of layers with the given numbers of each, for directions `wo` (..., 3) to the viewer."""
+    """Return the BSDF of layers for directions `wo` (..., 3) to the viewer; `numbers` has the numbers of each layer."""
     # If the viewer is behind the surface, the normal is flipped to face the viewer: hence the absolute cosine.
     view = np.abs(wo[..., 2])
     return stack_bsdf([layer.stack_layer(varying, view) for layer, varying in zip(layers, numbers, strict=True)])
@@ -121,7 +121,7 @@ def evaluate_lines(lines: Iterable[str], backend: Evaluator) -> Iterator[str]:
 
 
 def parse_batches(lines: Iterable[str]) -> Iterator[Batch]:
-    """Parse lines as of `evaluate_lines`, without those of ``fresnel``; yield a batch for each stack of layers."""
+    """Parse lines as in `evaluate_lines`, except lines of ``fresnel``; yield a batch for each stack of layers."""
     for _, batch in _group_cases([_parse_case(number, line, "numpy") for number, line in enumerate(lines, start=1)]):
         yield batch
 
@@ -199,7 +199,7 @@ class _Reflectance:
 
 
 def _parse_case(number: int, line: str, backend: Evaluator) -> _Case | _Reflectance | None:
-    """Parse the line with a number; return None if it is blank."""
+    """Parse a line; return None if it is blank. `number` is the number of the line, for messages."""
     if not line.strip():
         return None
     try:
@@ -282,7 +282,7 @@ def _parse_layer(
     expand_tokens(model, declared, params)  # raises ModelError if an expression replaces a parameter that a token sets
     parameters = complete_parameters(model, {name: value for name, value in params.items() if name not in formulas})
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
-    # An optional number with its default is a constant: the generated code then equals that of looks without it.
+    # An optional number with its default is a constant: the generated code is then the same as without the number.
     defaults = MODELS[model].optional_defaults()
     constants = {
         name: default for name, default in defaults.items() if parameters[name] == default and name not in formulas

@@ -20,8 +20,8 @@ from lookdev.light import EnvironmentMap, make_environment
 
 Rng = np.random.Generator
 
-# The positions of parameters in their ranges: 0 is the lower end, 1 the upper. Extreme ones reach float32's denormal
-# numbers.
+# The positions of parameters in their ranges: 0 is the lower end, 1 the upper end. Extreme positions reach the denormal
+# numbers of float32.
 _FRACTIONS = (0.0, 1e-4, 0.01, 0.5, 1.0 - 1e-4, 1.0)
 _EXTREME_FRACTIONS = (1e-7, 1e-12, 1e-20, 1e-30, 1e-40, 1.0 - 2.0**-24)
 # Cosines between directions and the normal. Below 1e-7 a direction is on the horizon in float32.
@@ -45,8 +45,8 @@ def extreme_cases(layers: Sequence[PointLayer], count: int, rng: Rng) -> Extreme
 
     The directions wo and wi are independent, equal, mirrored, nearly mirrored, or opposite along the horizon. If the
     surface is two-sided, wi is also behind it in some cases, or exactly opposite to wo, or both are behind it. About
-    half of the cases have random normals. Comparable cases with nearly opposite grazing directions do not, because
-    their half vector is only rounding error.
+    half of the cases have random normals. Comparable cases with nearly opposite grazing directions have the default
+    normal, because their half vector is only rounding error.
     """
     is_extreme = np.arange(count) >= count // 2
     wo, wi = _draw_directions(count, is_extreme, rng, two_sided=any(MODELS[layer.model].two_sided for layer in layers))
@@ -176,7 +176,7 @@ class SceneCase:
 def scene_cases() -> tuple[SceneCase, ...]:
     """Return scenes whose pictures have known relations; each has one mesh, with UVs ``st`` and without primvars.
 
-    They suit looks without anisotropy and textures only, because UVs without area do not define a tangent.
+    The scenes suit only looks without anisotropy and textures, because UVs without area do not define a tangent.
     """
     pair, lamp, sun = _make_pair(), _lamp_light(), _sun_light()
     far = (1e5, -5e4, 2e4)
@@ -237,7 +237,7 @@ def _add_degenerate_triangles(mesh: Mesh) -> Mesh:
 
 
 def _select_corners(mesh: Mesh, corners: Indices) -> Mesh:
-    """Return a mesh with the attributes of the corners with these indices; its faces are those of `mesh`."""
+    """Return a mesh that has only the attributes of the corners `corners`; the caller adapts the faces."""
     return replace(
         mesh,
         corner_points=mesh.corner_points[corners],

@@ -14,7 +14,7 @@ class PlotCurve:
     name: str  # in the legend
     x: Floats
     y: Floats
-    low: Floats | None = None  # the confidence band is from `low` to `high`; None: no band
+    low: Floats | None = None  # the confidence band is from `low` to `high`; if they are None, there is no band
     high: Floats | None = None
     # "line"; "points" with the band as error bars; or "bars", a histogram of heights `y` whose bins have the edges `x`.
     style: str = "line"
@@ -26,7 +26,7 @@ class PlotImage:
 
     name: str  # the caption
     pixels: Floats
-    low: float | None = None  # the values at the ends of the colour bar; None: from the pixels
+    low: float | None = None  # the values at the ends of the colour bar; None takes them from the pixels
     high: float | None = None
 
 

@@ -11,7 +11,7 @@ from lookdev.codegen.source import GeneratedSource, ShaderSource
 from lookdev.rendering.task import FrameTask, SceneTask
 
 AlterShader = Callable[[str], str]
-"""A function from the text of a shader to the text that runs instead; tests plant faults with it."""
+"""A function that takes the text of a shader and returns the text to run in its place. Tests plant faults with it."""
 
 
 class Halves(Protocol):

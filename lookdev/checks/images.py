@@ -16,8 +16,8 @@ There are three tests. Noise alone fails each of them once in `1 / LEVEL` frames
 
 The picture of a backend that approximates the models is not compared with the reference, but with the picture of the
 backend ``exact``, by relMSE and by FLIP. Each picture has two independent halves. Products of differences between
-different halves estimate relMSE without bias, so no converged pictures are needed. There is no such estimator of FLIP,
-so the FLIP of two renders of the same picture is reported for comparison.
+different halves estimate relMSE without bias, so no converged pictures are needed. FLIP has no such estimator. The FLIP
+of two renders of the same picture is therefore reported for comparison.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ MIN_HALVES = 8
 """The least number of halves. With fewer, the quantiles of Student's t are so large that no frame fails."""
 
 _MIDDLE = 0.2  # the share of pixels that noise alone puts beyond the quantile of the second test
-# At a shading point, a frame's sample draws at most this number of directions for each one of the reference's sample.
+# At a shading point, a sample of the frame draws at most this number of times the directions of a reference's sample.
 _DIRECTIONS = 4.0
 _FLOOR = 1e-6  # the least standard error: ten times the float32 rounding of 1
-_WORST = 5  # pixels that a finding lists
+_WORST = 5  # the number of pixels that a finding lists
 
 
 @dataclass(frozen=True)
@@ -77,14 +77,14 @@ def compare_pixels(halves: Reals, samples: int, reference: Estimate) -> Agreemen
     """Compare pixels of a frame with the reference.
 
     `halves` (K, P, 3) has the pixels of independent renders of equal cost, premultiplied, with exposure 0. `samples` is
-    the number of samples per pixel in all of them together. A RenderError reports fewer than `MIN_HALVES` halves.
+    the number of samples per pixel in all halves together. Raises RenderError for fewer than `MIN_HALVES` halves.
     """
     count = len(halves)
     if count < MIN_HALVES:
         raise RenderError(f"{count} independent renders are too few to estimate noise; {MIN_HALVES} would be right")
     halves = halves.astype(np.float64)
     variance = halves.var(axis=0, ddof=1) / count
-    # The lower bound of the frame's variance, from that of the reference, for equally many directions.
+    # The lower bound of the frame's variance: the reference's variance, scaled to the number of the frame's directions.
     min_variance = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
     frame_variance, reference_variance = np.maximum(variance, min_variance), reference.error**2
     error = np.maximum(np.sqrt(frame_variance + reference_variance), _FLOOR)
@@ -106,7 +106,7 @@ def check_frame(
     reference: Estimate,
     converged: Reals | None = None,
 ) -> CheckFinding:
-    """Check a frame against the reference; it raises as `compare_pixels`.
+    """Check a frame against the reference; raises as `compare_pixels`.
 
     Parameters
     ----------
@@ -133,11 +133,11 @@ def check_frame(
         return CheckFinding("image", subject, False, summary, {"broken": float(len(broken))}, details)
     agreement = compare_pixels(halves[:, rows, columns], samples, reference)
     tests = agreement.t.size
-    # The probability that noise causes such a deviation or a larger one, (P, 3), and the lowest that passes.
+    # The probability (P, 3) that noise causes such a deviation or a larger one, and the lowest probability that passes.
     p_values = 2.0 * stats.t.sf(np.abs(agreement.t), agreement.freedom)
     min_p_value = 1.0 - (1.0 - LEVEL) ** (1.0 / tests)
     suspicious = int((p_values < min_p_value).any(axis=-1).sum())
-    # The channels of a pixel share their samples, so they count as one value, the median.
+    # The channels of a pixel share their samples, so their median counts as one value.
     beyond = int((np.median(p_values, axis=-1) < _MIDDLE).sum())
     beyond_limit = int(stats.binom.ppf(1.0 - LEVEL, len(pixels), _MIDDLE))
     scale = np.sqrt(reference.value**2 + EPSILON)
@@ -183,7 +183,7 @@ def check_frame(
 def flip(image: Reals, converged: Reals) -> tuple[float, Floats]:
     """Return the mean HDR-FLIP of an image (H, W, 3) against a converged one, and its map (H, W), both in [0, 1].
 
-    HDR-FLIP is the visible difference of two pictures, over all exposures at which one of them shows anything
+    HDR-FLIP is the visible difference of two pictures, over all exposures that show anything of one of the pictures
     (Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images").
     """
     import flip_evaluator
@@ -194,7 +194,7 @@ def flip(image: Reals, converged: Reals) -> tuple[float, Floats]:
 
 
 def _mean_bias(agreement: Agreement, scale: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return the mean relative difference, its standard error, and the largest that passes: (3,) each, by channel."""
+    """Return the mean relative difference, its standard error, and the largest that passes, each (3,), by channel."""
     variance = (agreement.error / scale) ** 2
     bias, error = np.mean(agreement.difference / scale, axis=0), np.sqrt(variance.sum(axis=0)) / len(variance)
     freedom = variance.sum(axis=0) ** 2 / (variance**2 / agreement.freedom).sum(axis=0)
@@ -203,7 +203,7 @@ def _mean_bias(agreement: Agreement, scale: Floats) -> tuple[Floats, Floats, Flo
 
 
 def _describe_pixel(agreement: Agreement, pixels: Ints, reference: Estimate, index: int) -> str:
-    """Return a line with the position, the values and the deviation of the compared pixel with an index."""
+    """Return a line with the position, the values and the deviation of a compared pixel; `index` is its index."""
 
     def format_numbers(values: Sequence[float] | Floats) -> str:
         return " ".join(f"{value:.4g}" for value in values)
@@ -259,24 +259,24 @@ def _difference_picture(agreement: Agreement, shape: tuple[int, ...], pixels: In
 class Gap:
     """The difference between the picture of an approximation and the exact picture, over the asset's pixels."""
 
-    relmse: float  # of the approximation's picture without noise, against the exact picture without noise
+    relmse: float  # the relMSE of the approximation's picture without noise, against the exact picture without noise
     relmse_error: float  # standard error of `relmse`
-    flip: float  # mean HDR-FLIP between both
+    flip: float  # mean HDR-FLIP between the two pictures
     noise: float  # mean HDR-FLIP between two renders of the exact picture
     flip_map: Floats  # HDR-FLIP of each pixel, (H, W)
 
 
 def measure_gap(exact: tuple[Reals, Reals], other: tuple[Reals, Reals], alpha: Reals) -> Gap:
-    """Compare the exact picture with another one, each given by two independent halves (H, W, 3).
+    """Compare the exact picture with another picture, each given by two independent halves (H, W, 3).
 
     The halves are premultiplied and have exposure 0. `alpha` (H, W) is the coverage.
     """
     covered = alpha > 0.0
     a, b, c, d = (half.astype(np.float64)[covered] for half in (*exact, *other))
-    # The denominator of relMSE has the squared reference, which is replaced by a product of independent halves, too.
+    # The denominator of relMSE has the square of the exact picture. A product of independent halves replaces it, too.
     squares = (a - c) * (b - d) / (np.maximum(a * b, 0.0) + EPSILON)
     pixels = squares.mean(axis=-1)
-    # The noise is that of one half against the other. `flip_map` compares means of two halves, which have less noise.
+    # The noise is the FLIP of one half against the other. `flip_map` compares means of two halves, with less noise.
     _, noise_map = flip(exact[0], exact[1])
     _, flip_map = flip((other[0] + other[1]) / 2.0, (exact[0] + exact[1]) / 2.0)
     return Gap(

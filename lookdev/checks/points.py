@@ -27,11 +27,11 @@ TOLERANCE = 2e-4
 VISIBLE = 1e-4
 """The value of f or pdf, in 1/sr, below which the tolerance is absolute: it is then `TOLERANCE` times this value."""
 
-_WORST = 5  # cases that a finding lists
+_WORST = 5  # the number of cases that a finding lists
 # The relative rounding error of a direction (four roundings to float32) in three cases: it is expressed in the frame of
 # a tilted normal, it is refracted by an averaged index, or its angles are looked up in a table.
 _DIRECTION_ROUNDING = 4.0 * 2.0**-24
-_EDGES = np.linspace(-9.0, 0.0, 37)  # of the bins of a histogram of relative errors, log10
+_EDGES = np.linspace(-9.0, 0.0, 37)  # the edges of the bins of a histogram of relative errors, log10
 
 
 def check_points(
@@ -45,7 +45,7 @@ def check_points(
     """Compare f and pdf of a look in `count` random cases, which are points of a surface with two directions.
 
     Textures are read. `tolerance` is the relative error that is allowed for values above `VISIBLE`. `alter` alters the
-    text of the shader. A WorkerError reports that Cycles failed.
+    text of the shader. Raises WorkerError if Cycles fails.
     """
     batch = look_batch(look, count, np.random.default_rng(seed))
     actual = join_columns(evaluate_cycles(batch, alter=alter))
@@ -57,7 +57,7 @@ def check_points(
     allowed += _option_rounding(batch, expected)
     is_sound = np.isfinite(actual) & (actual >= 0.0)
     error = np.abs(np.where(is_sound, actual, 0.0) - expected)
-    # The error of each value over the allowed error. A case fails if one of its values is above 1.
+    # The error of each value over the allowed error. A case fails if one of these ratios is above 1.
     excess = np.where(is_sound, error / allowed, np.inf)
     is_visible = expected > VISIBLE
     relative = error[is_visible] / expected[is_visible]
@@ -89,7 +89,8 @@ def check_points(
 def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
     """Return random cases of a look, rounded to float32.
 
-    In half of the cases all inputs are those of one point. In the others, inputs of different points are combined.
+    In half of the cases, all inputs of a case are from one point. In the other half, inputs of different points are
+    combined.
     """
     layers = sample_layers(look, count, rng)
     numbers = tuple(
@@ -164,7 +165,8 @@ def _rounds_directions(batch: Batch) -> bool:
 def _direction_rounding(batch: Batch, expected: Floats) -> Floats:
     """Return the change of f and pdf, (n, 4), when the directions change by `_DIRECTION_ROUNDING`.
 
-    Each component of each direction is changed up and down; the larger changes of all components are added.
+    Each component of each direction is changed up and down. Of the two resulting changes, the larger one counts. These
+    changes are added over all components.
     """
     total = np.zeros_like(expected)
     for axis in range(3):

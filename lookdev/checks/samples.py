@@ -65,7 +65,7 @@ class _RandomPoints(ImagePoints):
 def sample_layers(look: Look, count: int, rng: np.random.Generator) -> list[StackLayer]:
     """Return the layers of a look, with the values of its inputs at `count` random points.
 
-    An input that varies becomes an array with the points as first axis; a constant has no such axis. Raises as
+    An input that varies becomes an array whose first axis is the point. A constant has no such axis. Raises as
     `look_bsdf`.
     """
     return look_layers(look, _RandomPoints(rng, count))
@@ -95,7 +95,7 @@ def following_numbers(layer: StackLayer) -> frozenset[str]:
 
 
 def point_layer(layer: StackLayer, constants: Mapping[str, float | list[float]]) -> PointLayer:
-    """Return the part of a layer on which its generated code depends, without the numbers that vary.
+    """Return the part of a layer that determines its generated code, without the numbers that vary.
 
     `constants` has the numbers that are constants in the code, by name.
     """
@@ -103,7 +103,7 @@ def point_layer(layer: StackLayer, constants: Mapping[str, float | list[float]])
 
 
 def constant_looks(look: Look, count: int, rng: np.random.Generator) -> list[Look]:
-    """Return constant looks that have the inputs of a look at `count` random points, or one look if all are equal.
+    """Return constant looks with the inputs of a look at `count` random points, or one look if they are all equal.
 
     Inputs that depend on the view become expressions of the view alone.
     """
@@ -121,11 +121,11 @@ class _RandomPoint:
 
     points: _RandomPoints
     index: int
-    # Formulas at this point, by the id of the original: inputs that share a formula then share its copy.
+    # Formulas at this point, by the id of the original formula: inputs that share a formula also share its copy.
     _formulas: dict[int, Formula] = field(default_factory=dict)
 
     def layers(self, layer: Layer) -> Iterator[Layer]:
-        """Yield constant layers that equal a layer of a look at this point: several if its model is translated."""
+        """Yield the constant layer that equals a layer at this point; if its model is translated, several layers."""
         view_inputs = {
             name: source
             for name, source in {**layer.inputs, "mask": layer.mask}.items()
@@ -149,7 +149,7 @@ class _RandomPoint:
         """Return the number of a source at this point or, if it depends on the view, an expression of just the view."""
         if depends_on_view(source):
             return self._fix_formula(source) if isinstance(source, Formula) else source
-        # The number of axes of the value at one point, too: none for a number, one for a colour.
+        # As a number, this is also the number of axes that a value has at one point: 0 for a number, 1 for a colour.
         color = kind == "color"
         value = np.asarray(SourceValues(self.points).source_value(source, color))
         number = (value[self.index] if value.ndim > color else value).tolist()
@@ -180,7 +180,7 @@ def case_layer(model: str, values: Mapping[str, object], mode: str) -> dict[str,
 
 
 def case_line(batch: Batch, index: int, **extra: object) -> str:
-    """Return the case of a batch with an index as a line for `lookdev eval`, with `extra` as further keys."""
+    """Return one case of a batch, by its index, as a line for `lookdev eval`; `extra` has further keys of the line."""
     layers = []
     for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
         values = {**layer.constants, **{name: value[index].tolist() for name, value in numbers.items()}}

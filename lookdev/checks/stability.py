@@ -4,8 +4,8 @@ At points, the values of f and pdf must be finite and not negative, in float64 (
 float32 value must also be accurate. It passes if its relative error is at most `MAX_RELATIVE_ERROR`, or if its backward
 error is at most `MAX_BACKWARD_ERROR` (Higham 2002, "Accuracy and Stability of Numerical Algorithms", 1.5). The backward
 error is the error of the value, divided by the change of the exact value when every input is rounded: a rounding is a
-relative change of 2^-24. That change is large where a highlight of 0.25 degrees is at the horizon, for any formula, and
-small elsewhere.
+relative change of 2^-24. For any formula, the change of the exact value is large where a highlight of 0.25 degrees is
+at the horizon, and small elsewhere.
 
 In scenes, pictures that must be equal are compared. The noise of their halves must explain their difference.
 """
@@ -55,12 +55,12 @@ For two pictures of equal scenes this ratio is 1 on average. The limit is larger
 
 _ROUNDING = 2.0**-24  # the largest relative error of a number that is rounded to float32
 _PERTURBATIONS = 8  # the inputs are rounded at random this number of times; the largest change of a value counts
-_WORST = 5  # failed cases that a finding lists
+_WORST = 5  # the number of failed cases that a finding lists
 _COUNTS: dict[DepthName, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}  # cases of each stack
 # For the albedo: the number of random sets of parameters, and the samples for each view of a set.
 _ENERGY: dict[DepthName, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
 _VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)  # cosines of the views at which albedos are computed
-_SIZE = (32, 32)  # of the pictures, pixels
+_SIZE = (32, 32)  # the width and height of the pictures, pixels
 _SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=2, bounces=1)
 
 
@@ -71,7 +71,7 @@ def check_stability(
 
     `subjects` are names of models, and looks. A model is checked alone, with every choice of its tokens, and in stacks.
     A look keeps its constants, and its other inputs take any value of their range. `depth` determines the number of
-    cases of each stack: 4,000, 20,000 or 200,000. They are drawn with `seed`. A WorkerError reports that Cycles cannot
+    cases of each stack: 4,000, 20,000 or 200,000. The cases are drawn with `seed`. Raises WorkerError if Cycles cannot
     evaluate points; a picture that cannot be rendered is a finding.
     """
     rng = np.random.default_rng(seed)
@@ -90,8 +90,8 @@ def check_stability(
 def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
     """Return stacks to check for a model, by their names.
 
-    They are the model alone with every choice of its tokens, the model with its optional numbers, the model over itself
-    in each mode, and the model over each other model that has several modes.
+    The stacks are the model alone with every choice of its tokens, the model with its optional numbers, the model over
+    itself in each mode, and the model over each other model that has several modes.
     """
 
     def default_layer(name: str) -> PointLayer:
@@ -181,10 +181,10 @@ def check_stack(name: str, layers: Sequence[PointLayer], rng: np.random.Generato
 class _Float32Error:
     """The errors of the float32 values of n cases."""
 
-    excess: Floats  # (n,): for each case, the largest error of a value over its limit; more than 1 fails
+    excess: Floats  # (n,): for each case, the largest ratio of a value's error to its limit; a case above 1 fails
     median: float  # the median relative error of the visible values
     ill_conditioned: float  # the share of values whose relative error is above MAX_RELATIVE_ERROR
-    backward_error: float  # the largest backward error of those values, in roundings
+    backward_error: float  # the largest backward error of these ill-conditioned values, in roundings
 
 
 def _measure_error(batch: Batch, actual: Floats, expected: Floats, rng: np.random.Generator) -> _Float32Error:
@@ -213,10 +213,10 @@ def _perturb(batch: Batch, rng: np.random.Generator) -> Batch:
     """Change all inputs by a relative rounding, up or down at random.
 
     Usually only the z component of a direction (the cosine) is changed. The reason is the half vector of nearly
-    opposite directions: the sums of their x and y components are exact in float32, and a change of the components by a
-    rounding would turn it. In two cases, x and y are changed, too. If light is transmitted, they are changed by a
-    relative rounding, because the view is refracted. If the normal is tilted, all components are changed by an absolute
-    `_ROUNDING`.
+    opposite directions: the sums of their x and y components are exact in float32, and a change of these components by
+    a rounding would turn the half vector. In two cases, x and y are changed, too. If light is transmitted, x and y are
+    changed by a relative rounding, because the view is refracted. If the normal is tilted, all components are changed
+    by an absolute `_ROUNDING`.
     """
 
     def perturb_values(values: Floats, low: float = -np.inf, high: float = np.inf) -> Floats:
@@ -284,7 +284,7 @@ def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, dept
 
 
 def check_scenes(look: Look, cases: Sequence[SceneCase], render: RenderHalves) -> Iterator[CheckFinding]:
-    """Render a look in degenerate scenes; yield a finding for each.
+    """Render a look in degenerate scenes, and yield a finding for each scene.
 
     A picture must be finite, not negative, within the bounds of its case, and equal to the picture of its base case.
     """
@@ -333,7 +333,7 @@ def _check_picture(look: Look, case: SceneCase, subject: str, halves: Halves, re
 def _difference(gain: float, halves: Halves, reference: Halves) -> float:
     """Return the squared difference of two pictures over the variance of their noise; inf if their coverage differs.
 
-    The first picture should be `gain` times the second. It is divided by `gain` before the comparison.
+    The first picture should be `gain` times the second, so it is divided by `gain` before the comparison.
     """
     a, b = (np.float64(half) / gain for half in (halves.a, halves.b))
     c, d = np.float64(reference.a), np.float64(reference.b)

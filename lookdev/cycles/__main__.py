@@ -74,7 +74,7 @@ def _serve(answers: AnswerStream) -> None:
 
 
 def _log_size() -> int:
-    """Return the size in bytes of the log, the file of the error stream; 0 if that is not a file."""
+    """Return the size in bytes of the log, which is the file of the error stream; 0 if the stream is not a file."""
     # The C streams of Blender are buffered if they are written to a file.
     ctypes.CDLL(None).fflush(None)
     return os.fstat(2).st_size

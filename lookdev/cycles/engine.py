@@ -21,8 +21,7 @@ _ENGINE = "LOOKDEV_CYCLES"
 MIN_SIDE = 4
 """The least number of pixels along a side of a picture that Blender renders."""
 
-# The most samples for which Cycles tabulates the points of its sampling sequence. Further samples repeat the points,
-# shuffled.
+# The number of samples whose points Cycles tabulates. Further samples repeat these points, shuffled.
 _SAMPLE_TABLE_LENGTH = 8192
 
 PixelBounds = tuple[int, int, int, int]
@@ -30,7 +29,7 @@ PixelBounds = tuple[int, int, int, int]
 
 
 class CaptureEngine(cycles.CyclesRender):  # type: ignore[misc]
-    """Cycles, registered as a render engine of another name, which copies the passes of a render to memory."""
+    """A render engine that is Cycles under another name; it also copies the passes of a render to memory."""
 
     bl_idname = _ENGINE
     bl_label = "lookdev"
@@ -62,10 +61,10 @@ def render_passes(
 
     Cycles places sample 0 of every pixel at the pixel's centre, which would bias coverage by up to half a sample.
     Therefore the second block of `samples` samples of the sequence is rendered, which does not contain sample 0. If the
-    size of the blocks is a power of two, the second is as stratified as the first.
+    size of the blocks is a power of two, the second block is as stratified as the first.
 
-    With a `box`, the passes have only the pixels of the box, bit for bit equal to those of the whole frame. Raises
-    ValueError if the box has fewer than `MIN_SIDE` pixels along a side, as Blender does not render it.
+    With a `box`, the passes have only the pixels of the box. These are bit for bit equal to pixels of the whole frame.
+    Raises ValueError if the box has fewer than `MIN_SIDE` pixels along a side, as Blender does not render such a box.
     """
     scene.cycles.samples = 2 * samples
     scene.cycles.use_sample_subset = True
@@ -219,12 +218,12 @@ def configure_portals(scene: bpy.types.Scene, resolution: tuple[int, int], bounc
     scene.render.film_transparent = False
     scene.view_layers[0].use_pass_uv = True
     _set_bounces(scene.cycles, reflected=0, transparent=bounces + 1)
-    # No Russian roulette: paths are short, so it would add more noise than it saves time.
+    # Russian roulette is off. Paths are short, so it would save little time and add more noise.
     scene.cycles.min_transparent_bounces = bounces + 1
 
 
 def _configure_nodes(scene: bpy.types.Scene, resolution: tuple[int, int], device: str) -> None:
-    """Set what is the same for all materials of native nodes."""
+    """Set the settings that are the same for all materials of native nodes."""
     settings = scene.cycles
     _configure_common(scene, resolution)
     scene.render.use_motion_blur = False
@@ -232,7 +231,7 @@ def _configure_nodes(scene: bpy.types.Scene, resolution: tuple[int, int], device
     # With this pattern, each seed has a scramble of its own, so that renders with different seeds are independent.
     settings.sampling_pattern = "TABULATED_SOBOL"
     settings.direct_light_sampling_type = "MULTIPLE_IMPORTANCE_SAMPLING"
-    # No threshold: it is in units of radiance, so a dim light would be noisier than a bright one.
+    # The threshold is off. It is in units of radiance, so a dim light would be noisier than a bright light.
     settings.light_sampling_threshold = 0.0
     settings.caustics_reflective = settings.caustics_refractive = True
     settings.blur_glossy = 0.0
@@ -243,7 +242,7 @@ def _configure_nodes(scene: bpy.types.Scene, resolution: tuple[int, int], device
 
 
 def _configure_common(scene: bpy.types.Scene, resolution: tuple[int, int]) -> None:
-    """Set what is the same for all backends. Also set Blender's defaults, which change between versions."""
+    """Set the settings that are the same for all backends, also defaults that change between versions of Blender."""
     render, settings, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = _ENGINE
     render.resolution_x, render.resolution_y = resolution

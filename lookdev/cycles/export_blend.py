@@ -1,7 +1,7 @@
 """Writes a job as a .blend file, for `lookdev export blend`.
 
-A look becomes a scene, a rig a world and a collection of lamps, a turntable a range of the timeline. Scenes are built
-as for rendering. Then they get the names, keyframes and settings that an artist expects.
+A look becomes a scene. A rig becomes a world and a collection of lamps. A turntable becomes a range of the timeline.
+Scenes are built as for rendering. Then they get the names, keyframes and settings that an artist expects.
 
 Scenes do not share meshes. With shared meshes, materials would belong to objects, and Cycles would not keep meshes as
 instances, which changes the rounding.
@@ -29,7 +29,7 @@ from lookdev.rendering.blend import BLEND_TASK, BlendTask
 from lookdev.rendering.task import SceneTask
 
 _VIEWS = {"ACES 1.0 - SDR Video": ("ACES 1.3", "AgX"), "Un-tone-mapped": ("Standard",), "Raw": ("Raw",)}
-"""For a view of a job: Blender's views, in order of preference. The first that this version of Blender has is used."""
+"""Blender's views for each view of a job, in order of preference. The first view that this Blender has is used."""
 
 _DEFAULT_VIEW = "Standard"
 """Blender's view for any other view of a job. It has no tone curve, like view 'lookdev' below its highlights."""
@@ -57,12 +57,12 @@ def write_blend(task: BlendTask) -> list[str]:
     scenes: dict[str, BlenderScene] = {}
     for look, scene_task in task.scenes.items():
         into = bpy.data.scenes.new(look) if scenes else None
-        # The scene is built for the CPU, because this machine may lack the job's device. That is set at the end, by
-        # `_set_render_settings`.
+        # The scene is built for the CPU, because this machine may lack the job's device. At the end,
+        # `_set_render_settings` sets the job's device.
         scenes[look] = BlenderScene(replace(scene_task, device="cpu"), into, groups, separate=True)
     # Scenes with equal cameras share the camera, the lamps and the keyframes of the first of them, their leader.
     animated: list[BlenderScene] = []
-    rigs: dict[int, list[bpy.types.Collection]] = {}  # by the id of a leader
+    rigs: dict[int, list[bpy.types.Collection]] = {}  # the collections of lamps of each rig, by the id of a leader
     for scene in scenes.values():
         leader = next((other for other in animated if other.task.camera == scene.task.camera), None)
         _remove_lamps(scene)
@@ -96,7 +96,7 @@ def write_blend(task: BlendTask) -> list[str]:
 
 
 def _share_camera(first: BlenderScene, other: BlenderScene) -> None:
-    """Replace the camera of a scene by that of another scene, which is animated."""
+    """Replace the camera of the scene `other` by the animated camera of the scene `first`."""
     lens = other.camera.data
     bpy.data.objects.remove(other.camera)
     bpy.data.cameras.remove(lens)
@@ -119,7 +119,7 @@ def _remove_lamps(scene: BlenderScene) -> None:
 
 
 def _add_rigs(task: BlendTask, scene: BlenderScene) -> list[bpy.types.Collection]:
-    """Add a collection with the lamps of each rig, which is empty for a rig without lamps; return the collections."""
+    """Add a collection with the lamps of each rig, even for a rig without lamps, and return the collections."""
     collections = []
     for rig in task.rigs:
         collections.append(bpy.data.collections.new(f"rig {rig.name}"))
@@ -129,7 +129,7 @@ def _add_rigs(task: BlendTask, scene: BlenderScene) -> list[bpy.types.Collection
 
 
 def _link_rigs(rigs: Sequence[bpy.types.Collection], scene: bpy.types.Scene) -> None:
-    """Link the collections of rigs into a scene, except empty ones; its view layer excludes all but the first rig."""
+    """Link the collections of rigs that are not empty into a scene; its view layer excludes all but the first rig."""
     for number, rig in enumerate(rigs):
         if rig.objects:
             scene.collection.children.link(rig)

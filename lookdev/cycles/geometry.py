@@ -59,7 +59,7 @@ def add_asset(
         The material of each source.
     groups
         The shadow group of each slot, which the shaders' function `rig_group` reads at the hit of a ray: a light's
-        shadow may exclude groups. If empty, all slots are in group 0.
+        shadow may exclude groups. If `groups` is empty, all slots are in group 0.
     separate
         Make an object of every instance, and meshes with edges and all of their UV sets, as users of Blender expect
         them. The picture is the same.
@@ -163,7 +163,7 @@ def _add_instances(
 ) -> bpy.types.Object:
     """Add an object that shows n instances, instance i as ``meshes[numbers[i]]`` with the matrix ``matrices[i]``.
 
-    numbers : (n,); matrices : (n, 4, 4). The colour of the object is that of all its instances.
+    numbers : (n,); matrices : (n, 4, 4). All instances have the colour of the object.
     """
     # The collection is linked to no scene, so that only the instances are visible. Blender orders the objects of a
     # collection by name, so the names have numbers of equal width.
@@ -294,7 +294,7 @@ def _read_attributes(
     """Return the attributes of a mesh that sources read, except UV sets, by name: values at all corners.
 
     An attribute that the mesh lacks has the fallback of its binding. `face_sources` has the number of the source of
-    each face, `bindings` the attributes that each source reads.
+    each face. `bindings` has the attributes that each source reads, by the number of the source.
     """
     attributes: dict[str, Floats32] = {}
     lacking: dict[str, dict[int, tuple[float, ...]]] = {}
@@ -324,7 +324,7 @@ _ATTRIBUTE_TYPES = {
     ("f", 1): ("FLOAT", "value"),
     ("f", 2): ("FLOAT_VECTOR", "vector"),
 }
-"""Blender's type of attribute and its field, by the kind of NumPy's type and the number of dimensions of an array.
+"""Blender's type of attribute and its field, by two properties of an array: the kind of its NumPy type, and `ndim`.
 
 Colours are stored as vectors, to which Blender applies no colour space.
 """

@@ -23,7 +23,7 @@ from lookdev.errors import RenderError
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Light, RectLight, Shaping, SphereLight, light_label
 from lookdev.light.placement import Axes
 
-_SIDES = 256  # of the prism that approximates a cylinder
+_SIDES = 256  # the number of sides of the prism that approximates a cylinder
 
 
 @dataclass(frozen=True)
@@ -34,18 +34,18 @@ class LightObject:
     turns: bool  # whether it turns with the rig
     location: Floats  # (3,), at pose 0
     angles: tuple[float, float, float]  # XYZ Euler angles in radians, at pose 0
-    offset: float = 0.0  # a constant turn of the rig in degrees, added to that of poses
+    offset: float = 0.0  # a constant angle in degrees, added to the lighting angle of every pose
 
     def pose(self, lighting: float, frame: float, axis: tuple[float, float]) -> None:
         """Set the object's transform for a pose.
 
-        lighting : the turn of the rig; frame : the turn of the frame of reference, which is Blender's scene. Both are
-        in degrees about the vertical `axis`.
+        lighting : the angle by which the rig is turned; frame : the angle by which the frame of reference, Blender's
+        scene, is turned. Both are in degrees about the vertical `axis`.
         """
         self.rotate(self.turns * (lighting + self.offset) - frame, axis)
 
     def rotate(self, degrees: float, axis: tuple[float, float]) -> None:
-        """Set the object's transform to that at pose 0, rotated about a vertical axis through x and y."""
+        """Set the object's transform: the transform at pose 0, rotated about a vertical axis through (x, y)."""
         angle = math.radians(degrees)
         sine, cosine = math.sin(angle), math.cos(angle)
         x, y = self.location[0] - axis[0], self.location[1] - axis[1]
@@ -100,7 +100,7 @@ def _set_visibility(item: bpy.types.Object) -> None:
 
 
 def _angles(axes: Axes) -> tuple[float, float, float]:
-    """Return the XYZ Euler angles in radians of axes. If they are left-handed, -x is used in place of x.
+    """Return the XYZ Euler angles, in radians, of a light's axes. If the axes are left-handed, -x replaces x.
 
     All shapes of lights are symmetric in x. A texture is not, and is mirrored instead (`_LightNodes.texel`).
     """
@@ -200,7 +200,9 @@ BUILDERS: dict[str, Callable[..., bpy.types.Light | bpy.types.Mesh]] = {
     "distant": _build_distant,
     "cylinder": _build_cylinder,
 }
-"""By kind of light: a function that adds the data of its object. Arguments: name, light, factor of the radiance."""
+"""The functions that add the data of a light's object, by the kind of the light.
+
+The arguments are the name, the light, and a factor of the radiance."""
 
 
 class _LightNodes:
@@ -212,7 +214,7 @@ class _LightNodes:
     def add(
         self, kind: str, inputs: Mapping[Any, SocketInput] = MappingProxyType({}), **settings: object
     ) -> bpy.types.Node:
-        """Add a node, and return the node itself; arguments are those of `add_node`."""
+        """Add a node, and return the node itself; the arguments are as in `add_node`."""
         location = 200.0 * (1 + len(self.tree.nodes)), 0.0
         return add_node(self.tree, kind, inputs, location=location, **settings)
 
@@ -246,7 +248,7 @@ class _LightNodes:
         )
 
     def texel(self, light: RectLight) -> bpy.types.NodeSocket:
-        """Return the colour of a rectangle's texture, whose first column is at +x, and whose top row is at +y."""
+        """Return the colour of a rectangle's texture. Its first column is at +x, and its top row is at +y."""
         assert light.texture
         x, y, _ = self.add("SeparateXYZ", {0: self.object_position()}).outputs
         is_mirrored = np.linalg.det(np.array(light.axes)) < 0.0

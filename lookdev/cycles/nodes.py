@@ -15,8 +15,8 @@ from lookdev.codegen.source import GroupSocket, NodeLink, NodeSource, NodeTree, 
 from lookdev.cycles import version
 from lookdev.errors import ContentError, RenderError, nearest_hint
 
-# The nodes whose sockets are looked up by name. Other sockets are looked up by identifier, but Blender generates the
-# identifiers of a group's sockets.
+# The sockets of these nodes are looked up by name, because Blender generates the identifiers of a group's sockets. The
+# sockets of other nodes are looked up by identifier.
 _SOCKETS_BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
 
 SocketInput: TypeAlias = "bpy.types.NodeSocket | float | Sequence[float]"
@@ -44,7 +44,7 @@ def build_material(source: NodeSource, shared_groups: Groups | None = None) -> b
             cache[digest] = _build_group(source, tree, groups)
         groups[tree.name] = cache[digest]
     material = bpy.data.materials.new(source.name)
-    # Cycles must not treat the material as a light. It must not correct bumped normals, because the nodes bend them.
+    # Cycles must not treat the material as a light. Cycles must not correct bumped normals either: the nodes bend them.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
     material.use_transparent_shadow = True
@@ -57,8 +57,8 @@ def add_node(
 ) -> bpy.types.Node:
     """Add a shader node to a tree and return it.
 
-    `kind` is Blender's type without the prefix ``ShaderNode``. `inputs` are by name or index, `settings` are attributes
-    of the node.
+    `kind` is Blender's type without the prefix ``ShaderNode``. `inputs` has values or sockets by the name or index of
+    the input. `settings` are attributes of the node.
     """
     node = tree.nodes.new(f"ShaderNode{kind}")
     for name, setting in settings.items():
@@ -171,7 +171,7 @@ def _add_node(node: ShaderNode, node_tree: ShaderNodeTree, groups: Groups) -> bp
 
 
 def _set_property(node: bpy.types.Node, name: str, value: SocketValue | bool) -> None:
-    """Set a property of a node; raises RenderError where Blender has none of this name or does not take the value."""
+    """Set a property of a node; raises RenderError where Blender lacks the property or does not take the value."""
     try:
         if name not in node.bl_rna.properties:
             raise AttributeError("there is none")
@@ -190,7 +190,7 @@ def _set_changed(owner: bpy.types.Node | bpy.types.NodeSocket, name: str, value:
 
 
 def _socket(node: bpy.types.Node, side: str, identifier: str) -> bpy.types.NodeSocket:
-    """Return a socket of a node; raises RenderError where there is none or it is disabled.
+    """Return a socket of a node; raises RenderError where the socket is missing or disabled.
 
     Blender lets a disabled socket be set and linked, without effect.
     """

@@ -22,7 +22,7 @@ from lookdev.rendering.frame import FEATURE_SAMPLES, RenderedFrame
 from lookdev.rendering.passes import MATTES, light_layer
 from lookdev.rendering.task import FrameTask, SceneTask
 
-# The passes that Cycles itself renders at the centre of a pixel, and Blender's names of these in its settings.
+# The passes that Cycles itself renders at the centre of a pixel, with the names that Blender's settings have for them.
 _CENTER_PASSES = {"depth": "z", "position": "position", "normal": "normal", "uv": "uv"}
 _COLORS = ("diffuse", "glossy", "transmission")
 # The names of Cycles' passes of colours; Blender 4.5 abbreviates them.
@@ -33,14 +33,14 @@ _MATTE_DEPTH = 16
 
 
 RecordingBatch = Sequence[tuple[str, int]]
-"""At most three parts of the light that one render records: the name of each, and its number in the OSL shaders."""
+"""At most three parts of the light that one render records: pairs of a name and a number in the OSL shaders."""
 
 RecordingPlan = tuple[Sequence[RecordingBatch], Sequence[RecordingBatch]]
 """The batches of the first and of the second half of a frame. A region of the half is rendered once for each batch."""
 
 # Shaders record the parts of a batch by closures that are never sampled. Cycles shows the colours of closures in these
-# passes. For each part of a batch, in order: the names of its pass (Blender 4.5 abbreviates them), and the factor that
-# turns the pass into light (`recording` in lookdev/shaders/surface.osl).
+# passes, one pass for each part of a batch, in order. An entry has the names of the pass (Blender 4.5 abbreviates the
+# name), and the factor that turns the pass into light (`recording` in lookdev/shaders/surface.osl).
 _RECORD_PASSES = (
     (("GlossCol", "Glossy Color"), -2.0),
     (("TransCol", "Transmission Color"), -2.0),
@@ -50,10 +50,10 @@ _RECORD_PASSES = (
 
 @contextmanager
 def prepare_recording(scene: BlenderScene, task: FrameTask) -> Iterator[RecordingPlan]:
-    """Set a scene up to record parts of the light, and yield the plan: which render records which parts."""
+    """Set a scene up to record parts of the light, and yield the plan of the renders that record them."""
     plan = _plan_recording(task.scene)
     cycles = scene.scene.cycles
-    # No Russian roulette of Cycles: it would weight the recorded parts, but not the light itself.
+    # Cycles' Russian roulette is off: it would weight the recorded parts, but not the light itself.
     bounces = {"min_transparent_bounces": cycles.transparent_max_bounces}
     color_passes = {f"use_pass_{kind}_color": True for kind in _COLORS}
     layer = scene.scene.view_layers[0]
@@ -65,12 +65,13 @@ def prepare_recording(scene: BlenderScene, task: FrameTask) -> Iterator[Recordin
 
 
 def _plan_recording(scene: SceneTask) -> RecordingPlan:
-    """Return the plan to record all parts except the last of each set, which is the beauty minus the others.
+    """Return the plan to record all parts except the last part of each set.
 
-    If one render can record all parts, both halves record them. Otherwise each set is recorded in only one half: the
-    one with fewer parts so far. The shares of the parts in the light of that half are then used for the whole frame.
+    The last part is the beauty minus the other parts. If one render can record all parts, both halves record them.
+    Otherwise each set is recorded in only one half: the half that has fewer parts so far. The shares of the parts in
+    the light of that half are then used for the whole frame.
     """
-    # By part: its number in the OSL shaders.
+    # The numbers of the parts in the OSL shaders, by the name of the part.
     numbers = {"direct": 1} | {group: 2 + number for number, group in enumerate(LOBE_GROUPS)}
     numbers |= {light_layer(name): FIRST_LIGHT_PART + number for number, name in enumerate(scene.light_group_names)}
     sets = [[(name, numbers[name]) for name in part_set[:-1]] for part_set in scene.part_sets]
@@ -185,7 +186,7 @@ def _render_surfaces(
         pad_to_frame([rendered[name] for name in sorted(rendered) if f"Crypto{kind}" in name])
         for kind in ("Object", "Material")
     )
-    # The matte of the asset is that of its objects, whose ids are all replaced by that of the asset (`_matte_names`).
+    # The matte of the asset is the matte of its objects: by `_matte_names`, the id of the asset replaces all their ids.
     return albedo, {"object": objects, "material": materials, "asset": objects}
 
 

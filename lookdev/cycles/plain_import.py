@@ -27,11 +27,11 @@ class ImportRequest(TypedDict):
     light: str  # the name of one of the environment maps that come with Blender
     resolution: tuple[int, int]  # width and height in pixels
     bounces: int
-    distance: float  # of the camera from the origin, along y and along z
+    distance: float  # the distance of the camera from the origin, along y and along z
 
 
 def render(request: ImportRequest, answers: AnswerStream) -> None:
-    """Import a file and render it with one sample; report when each is done, and the peak memory."""
+    """Import a file and render it with one sample; report the end of both steps, and the peak memory."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.usd_import(filepath=request["file"])
     answers.send(reached="planned")

@@ -1,11 +1,11 @@
 """A plain Blender script that renders turntables: the baseline of ``lookdev bench --sequence``.
 
-The bench runs it as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. It does what such scripts usually do, in
-one process and with the Principled BSDF. It rotates the asset by its object and the light by a Mapping node, and calls
-``render.render`` for each frame.
+The bench runs the script as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. The script works as such scripts
+usually do, in one process and with the Principled BSDF. It rotates the object of the asset, rotates the light by a
+Mapping node, and calls ``render.render`` for each frame.
 
 Settings that affect only speed are Blender's defaults: no persistent data, and an automatic importance map. Settings
-that affect the picture are those of this package: filter, bounces, samples, no adaptive sampling and no denoiser.
+that affect the picture are the same as in this package: filter, bounces, samples, no adaptive sampling and no denoiser.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ class SequenceCamera(TypedDict):
 
     fov: float  # horizontal
     elevation: float
-    distance: float  # from the target
+    distance: float  # the distance from the target
     target: list[float]  # the point that it looks at
 
 
 class SequenceFrame(TypedDict):
     """A frame to render."""
 
-    file: str  # to write
+    file: str  # the file to write
     light: str  # the file of the lat-long map
     element: float  # degrees by which the asset is turned
     lighting: float  # degrees by which the light is turned

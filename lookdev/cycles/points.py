@@ -56,9 +56,9 @@ def render_table(
 ) -> Floats32:
     """Return the emission (n, 3) of a shader that reads the rows of a table (n, columns), one row in each pixel.
 
-    In the file of the table, a row has `cells` texels of three channels. Parameters of the shader are the file as
-    `points_file`, the size of the picture as `columns` and `rows`, and `values`. `arrays` are default values of array
-    parameters, by name.
+    In the file of the table, a row has `cells` texels of three channels. The parameters of the shader are
+    `points_file` (this file), `columns` and `rows` (the size of the picture), and `values`. `arrays` has the default
+    values of array parameters, by name.
     """
     count, width = table.shape
     rows = max(_MIN_ROWS, 1 << (-(-count // _ROW_PIXELS) - 1).bit_length())

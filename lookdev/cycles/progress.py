@@ -20,7 +20,7 @@ def refine_progress(samples: int, report: ReportSamples) -> Iterator[ReportSampl
     The function passes its calls on to `report`. In between, `report` is called with the samples that Cycles states in
     its statistics. Cycles updates these about every half minute, so long renders report progress that often.
     """
-    done, total, error = 0, samples, None  # of the latest call of the yielded function
+    done, total, error = 0, samples, None  # the arguments of the latest call of the yielded function
 
     def update(now_done: int, now_total: int, relmse: float | None) -> None:
         nonlocal done, total, error

@@ -64,9 +64,9 @@ def _render_catcher_parts(
 ) -> tuple[Floats32, Floats32, dict[str, Floats32]]:
     """Render a region of a frame with a shadow catcher, as `_render_region`, but in three renders.
 
-    They show the asset, the ground with the asset, and the ground without it. The parts are those that
-    `combine_catcher_halves` needs. Both renders of the ground have the same samples. Pixels of the ground that the
-    asset does not change are therefore equal in every bit.
+    The renders show the asset, the ground with the asset, and the ground without the asset. The returned parts are the
+    parts that `combine_catcher_halves` reads. Both renders of the ground have the same samples. Pixels of the ground
+    that the asset does not change are therefore equal in every bit.
     """
     pictures = {}
     for part in (ASSET, GROUND, BARE):
@@ -119,9 +119,9 @@ def _render_region(
         return _render_catcher_parts(scene, region.samples, seed, box)
     parts: dict[str, Floats32] = {}
     batches = plan[half_of_seed(seed)]
-    # All batches render the same light, apart from noise: the last bits of a path's positions encode the data that it
-    # records, and the noise of later hits depends on those bits. The colours must be those of the first batch, which is
-    # therefore rendered last.
+    # All batches render the same light, apart from noise: the last bits of a path's positions encode the data that the
+    # path records, and the noise of later hits depends on those bits. The returned colours must be from the first
+    # batch, so it is rendered last.
     for batch in reversed(batches or [()]):
         if task.scene.sampling.records_parts:
             scene.select_recorded_parts([number for _, number in batch])

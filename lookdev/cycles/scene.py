@@ -50,7 +50,7 @@ class BlenderScene:
     objects
         The objects that show the asset.
     prim_paths
-        By the name of an object: the USD path of its prim. Only set if the task has these paths.
+        The USD path of each object's prim, by the name of the object. It is only set if the task has these paths.
     lamps
         The lights that are objects. If OSL shaders integrate the light, there are none.
     origin
@@ -88,7 +88,7 @@ class BlenderScene:
         self._configure()
         self._asset = read_asset(task.asset.path)
         self._add_materials()
-        # Blender's Principled BSDF reads no attribute by its name, but the first UV set. So meshes need their UV sets.
+        # Blender's Principled BSDF reads the first UV set, not an attribute by its name. So meshes need their UV sets.
         self._separate = separate or self.is_principled or not _SEPARATE.isdisjoint(task.sampling.passes)
         self.camera = self.scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
         self.camera.cycles.use_motion_blur = False
@@ -244,9 +244,10 @@ class BlenderScene:
         With OSL shaders, the asset never moves. The shaders rotate the light, and the camera orbits by ``-element``.
 
         In other scenes, the world is never rotated, because Cycles would build its importance map again. If domes turn
-        with the rig, everything else is rotated by ``-lighting`` about the camera's pivot instead. So the asset is
-        rotated by ``element - lighting``, the camera and lamps that do not turn with the rig by ``-lighting``. If domes
-        do not turn, only the asset is rotated, by ``element``, and lamps that turn with the rig, by ``lighting``.
+        with the rig, everything else is rotated by ``-lighting`` about the camera's pivot instead. The asset is then
+        rotated by ``element - lighting``. The camera, and lamps that do not turn with the rig, are rotated by
+        ``-lighting``. If domes do not turn, the asset is rotated by ``element``, lamps that turn with the rig are
+        rotated by ``lighting``, and nothing else is rotated.
         """
         camera = camera.move(tuple(-self.origin))
         frame = self._frame_turn(pose)
@@ -264,7 +265,7 @@ class BlenderScene:
         return pose.element if self.is_osl else self._frame_turn(pose)
 
     def _frame_turn(self, pose: Pose) -> float:
-        """Return the angle, in degrees, of the backward rotation in `pose` of everything except the world."""
+        """Return the angle in degrees: in a pose, everything except the world is turned backwards by this angle."""
         return 0.0 if are_domes_still(self.task.lights) else pose.lighting
 
     def select_catcher_part(self, part: int) -> None:
@@ -278,16 +279,16 @@ class BlenderScene:
     def set_controls(self, pose: Pose, seed: int, samples: float) -> None:
         """Pass values that change from render to render to OSL shaders, as the colour of the objects.
 
-        A new colour does not recompile a shader, as a new value of a shader parameter would. If `samples` is `MATTE`,
-        `ALBEDOS` or `NORMALS`, the shaders show that in place of light.
+        A new colour does not recompile a shader; a new value of a shader parameter would. If `samples` is `MATTE`,
+        `ALBEDOS` or `NORMALS`, the shaders show this feature in place of light.
 
-        The channels are the turn of the light, the seed, the samples, and the depth of the near clip, where rays of the
-        camera start. A channel cannot be negative, so the turn is in [0, 2 pi).
+        The channels are the angle of the light, the seed, the samples, and the depth of the near clip, where rays of
+        the camera start. A channel cannot be negative, so the angle is in [0, 2 pi).
         """
         if self.is_osl:
             turn = math.radians((pose.lighting - pose.element) % 360.0)
-            # The number of samples is a power of two. The lower bits of its channel encode the turn of the asset, which
-            # rotates the lights that do not turn with the rig.
+            # The number of samples is a power of two. The lower bits of its channel encode the angle of the asset. By
+            # this angle, the shaders rotate the lights that do not turn with the rig.
             has_still = any(not light.emission.turns for light in self.task.lights)
             samples_and_turn = samples * (1.0 + has_still * pose.element / 720.0)
             for item in self.objects:
@@ -295,7 +296,7 @@ class BlenderScene:
 
 
 def _scene_key(task: SceneTask) -> tuple[object, ...]:
-    """Return the values of a task from which a scene is built and which `show` cannot replace."""
+    """Return the values of a task that a scene is built from and that `show` cannot replace."""
     is_osl = isinstance(task.shaders[0], ShaderSource)
     fixed = "OSL" if is_osl else (task.shaders, task.lights, task.shader_lights, *_placement_key(task))
     return fixed, task.resolution, task.sampling.bounces, task.sampling.passes, task.device
@@ -307,14 +308,14 @@ def _asset_key(task: SceneTask) -> tuple[object, ...]:
 
 
 def _material_key(task: SceneTask) -> tuple[object, ...]:
-    """Return the values of a task from which materials of OSL shaders are built: these can be replaced."""
+    """Return the values of a task from which materials of OSL shaders are built; `show` can replace these materials."""
     osl_sources = [(number, source) for number, source in enumerate(task.shaders) if isinstance(source, ShaderSource)]
     placement = _placement_key(task) if osl_sources else ()
     return *((source.program, task.lights_of_shader(number)) for number, source in osl_sources), *placement
 
 
 def _placement_key(task: SceneTask) -> tuple[object, ...]:
-    """Return the values of a task on which the positions of lights relative to the asset depend.
+    """Return the values of a task that determine the positions of lights relative to the asset.
 
     Shaders of a rig have these positions compiled in, and the objects of lamps have them. A single dome has none.
     """

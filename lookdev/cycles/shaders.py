@@ -92,8 +92,8 @@ def _constant_definitions(source: ShaderSource) -> list[str]:
 def varying_values(source: ShaderSource, number: int) -> dict[str, tuple[float, ...]]:
     """Return the varying constants of a source as properties of Blender's objects, by name.
 
-    A property has three constants; the last one is padded with 0. `number` is the index of the source among the shaders
-    of its scene, and a part of the names.
+    A property has three constants; the last property is padded with 0. `number` is the index of the source among the
+    shaders of its scene. The names of the properties contain this number.
     """
     values = [source.constants[i] for i in source.varying]
     values += [0.0] * (-len(values) % 3)
@@ -140,11 +140,12 @@ def add_script_node(
 ) -> ShaderNodeScript:
     """Add a script node that runs a shader, with its sockets, and link it to the surface output.
 
-    values : the values of parameters, which become sockets, by name; arrays : those of array parameters, as texts of
-    `array_text`. Arrays have no sockets; they become default values in the compiled shader.
+    values : the values of parameters, by name; these parameters become sockets. arrays : the values of array
+    parameters, as texts of `array_text`, by name. Arrays have no sockets; they become default values in the compiled
+    shader.
 
     Sockets are added here, because Blender would add them by `oslquery`, which loads an OpenImageIO that clashes with
-    the installed one.
+    the installed OpenImageIO.
     """
     script = tree.nodes.new("ShaderNodeScript")
     compiled = compile_osl(source)
@@ -186,11 +187,11 @@ def _cached_array_text(file: Content) -> str:
 
 
 def insert_arrays(oso: str, arrays: Mapping[str, str]) -> str:
-    """Return the text of a compiled shader whose array parameters have other default values.
+    """Return the text of a compiled shader with other default values of its array parameters.
 
     `arrays` has the `array_text` of the values, by the name of the parameter. In the source text of the shader, the
     values would compile slowly. The parameters are marked as interactive, which means that their values may change
-    between renders. OSL then reads the values from memory. Otherwise it makes an LLVM constant of each number, which
+    between renders. OSL then reads the values from memory. Otherwise OSL makes an LLVM constant of each number, which
     takes 0.2 s for half a million. Raises RenderError if a parameter is missing or has another type or size.
     """
     lines = oso.split("\n")

@@ -24,8 +24,8 @@ _OVERFLOW = re.compile(r"out of SVM stack space, shader \"(?P<material>[^\"]*)\"
 def capture_output(action: Callable[[], Result]) -> tuple[Result, str]:
     """Run an action; return its result, and the text that it writes to standard output and standard error.
 
-    Both are captured, because Blender 4.5 logs to standard error, and 5.2 to standard output. Afterwards, the text is
-    written to standard error.
+    Both are captured, because Blender 4.5 logs to standard error, and Blender 5.2 logs to standard output. Afterwards,
+    the text is written to standard error.
     """
     with os.fdopen(os.memfd_create("log"), "w+b") as log:
         _flush()

@@ -21,13 +21,14 @@ _PATHS = ("location", "rotation_euler")  # the animated properties of an object,
 _KEY_GAP = 1.0 / 64.0
 """The distance, in frames, from the reset of an angle to the next key (`_keys`).
 
-It is exact in float32, and larger than the distance at which Blender merges keys."""
+This distance is exact in float32, and larger than the distance at which Blender merges keys."""
 
 
 def animate(objects: Mapping[str, Object], turntables: Sequence[BlendTurntable], pose: Callable[[Pose], None]) -> None:
     """Animate objects over turntables, which follow each other from frame 1 on, by a single action of Blender.
 
-    `objects` are by their names in the action. `pose` sets the location and XYZ Euler angles of all objects for a pose.
+    The keys of `objects` are their names in the action. `pose` sets the location and XYZ Euler angles of all objects
+    for a pose.
     """
     action = bpy.data.actions.new("turntables")
     strip = action.layers.new("turntables").strips.new(type="KEYFRAME")
@@ -46,7 +47,7 @@ def share_animation(item: Object, other: Object) -> None:
 
 
 def mark_turntables(scene: bpy.types.Scene, turntables: Sequence[BlendTurntable]) -> None:
-    """Set the frame range of a scene to that of its turntables; add a marker at the start of each."""
+    """Set the frame range of a scene to the range of its turntables; add a marker at the start of each turntable."""
     frame = 1
     for turntable in turntables:
         scene.timeline_markers.new(turntable.name, frame=frame)
@@ -90,7 +91,7 @@ def _keys(first: int, values: Sequence[float], period: float) -> Iterator[tuple[
 
     Values are exact at every frame, and linear in between. A periodic value may wrap between two frames. The curve then
     continues past the period, and is reset just before the second frame. Without the reset, an angle beyond a whole
-    turn would be rounded differently from that of the rendered frame.
+    turn would be rounded differently from the angle in the rendered frame.
     """
     for frame, (value, following) in enumerate(itertools.pairwise(values), start=first):
         yield frame, value, "LINEAR"

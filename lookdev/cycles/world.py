@@ -1,4 +1,4 @@
-"""Builds a world of Blender from the dome lights of a scene; its light is their sum."""
+"""Builds a world of Blender from the dome lights of a scene. The light of the world is the sum of the domes' light."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ def build_world(
     strength: float = 1.0,
     turn: float = 0.0,
 ) -> bpy.types.World:
-    """Build a world from the lat-long images of a scene's domes; without domes it is black.
+    """Build a world from the lat-long images of a scene's domes; without domes, the world is black.
 
     Parameters
     ----------
     sampled
-        Whether Cycles samples directions of the world, by an importance map, which it builds again after any change of
-        the world.
+        Whether Cycles samples directions of the world, by an importance map. Cycles builds the map again after any
+        change of the world.
     after_portals
         Whether only rays that have passed a ray portal see the world; other rays of the camera see black.
     strength
@@ -102,7 +102,7 @@ def _add_dome(
 
 
 def _add_portal_strength(tree: bpy.types.ShaderNodeTree, strength: float) -> bpy.types.NodeSocket:
-    """Add nodes that compute a strength, 0 for rays that have not passed a portal; return their output."""
+    """Add nodes that compute a strength, which is 0 for rays that have not passed a portal; return their output."""
     path = add_node(tree, "LightPath")
     depth = {0: path.outputs["Transparent Depth"], 1: 0.5}
     has_passed = add_node(tree, "Math", depth, operation="GREATER_THAN")

@@ -36,8 +36,8 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 class ReflectanceSamples:
     """n pairs of unit directions, and the BRDF f of a surface for each pair.
 
-    `wo` (n, 3) is the direction to the viewer, `wi` (n, 3) the direction to the light. `f` (n, 3) is in 1/sr, by
-    channel.
+    `wo` (n, 3) is the direction to the viewer, and `wi` (n, 3) is the direction to the light. `f` (n, 3) is in 1/sr;
+    its last axis is the channel.
     """
 
     wo: Floats
@@ -62,7 +62,7 @@ def evaluate_pairs(
     The axes of the grid are Rusinkiewicz's half and difference angles theta_h, theta_d and phi_d, with `counts` values
     each. theta_h is in even steps of its square root. Each pair is rotated about the normal by a different azimuth: an
     anisotropic model could otherwise fit a tangent direction that the data do not have. `label` is the name of the
-    surface in messages. Raises LookdevError if f is 0 everywhere, or anywhere not finite.
+    surface in messages. Raises LookdevError if f is 0 everywhere, or is not finite somewhere.
     """
     # Positions in [0, 1] on the axes of a MERL file: the square root of theta_h, theta_d, and phi_d.
     h, d, phi = (_cell_centres(count, size) for count, size in zip(counts, MERL_SIZE, strict=True))

@@ -24,9 +24,9 @@ from lookdev.fitting.data import LOSSES, ReflectanceSamples, evaluate_pairs
 from lookdev.fitting.parameters import FreeParameter, free_parameters
 from lookdev.plotting import PlotSubject, model_subject
 
-_TRIALS = 128  # random starts
+_TRIALS = 128  # the number of random starts
 _COARSE_STEP = 4  # the starts are compared, and improved by least squares, with every fourth pair of directions
-# Parameters without effect are found with every 16th pair of directions, at 4 random sets of parameters.
+# Parameters without effect are searched with every 16th pair of directions, at 4 random sets of parameters.
 _SPARSE_STEP, _EFFECT_POINTS = 16, 4
 _DIFFERENCE_STEP = 1e-6  # the change of a unit (`FreeParameter`) for a derivative
 _NO_EFFECT = 1e-9
@@ -44,16 +44,19 @@ class ModelFit:
     values
         The values of all fitted and fixed parameters by name: numbers, colours (3,), tokens.
     without_effect
-        Fitted parameters without an effect on f at the result; their values have no meaning.
+        The names of fitted parameters without an effect on f at the result; their values have no meaning.
+    loss_name
+        The name of the loss, a key of `LOSSES`.
     loss, per_channel
-        The root mean square of the differences of compressed f cos theta_i, over all channels, and for each of red,
+        The root mean square of the differences of compressed f cos theta_i: over all channels, and for each of red,
         green and blue.
     starts
-        The final loss of each start from which least squares ran, on every fourth pair of directions, best first.
+        The final loss of each start from which least squares ran, best first. It is measured on every fourth pair of
+        directions.
     samples
         The number of pairs of directions.
     seconds
-        CPU time of all threads of the process together.
+        The CPU time of the fit, summed up over all threads of the process.
     """
 
     model: Model
@@ -104,7 +107,7 @@ def fit_model(
     starts: int = 4,
     seed: int = 0,
 ) -> ModelFit:
-    """Fit a model's parameters to f of a surface.
+    """Fit a model's parameters to the BRDF f of a surface.
 
     Parameters
     ----------
@@ -167,7 +170,7 @@ def _select_effective(
 ) -> Sequence[FreeParameter]:
     """Return the parameters that change f for at least one of several random sets of parameters.
 
-    A parameter that only another form of the model has (a form is selected by tokens) changes nothing and is left out.
+    Tokens select the form of a model. A parameter that only another form has changes nothing, and is left out.
     """
     problem = _Problem(model, constant, free, data.thin(_SPARSE_STEP), loss)
     units = np.random.default_rng(0).random((_EFFECT_POINTS, problem.size))

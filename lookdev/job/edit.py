@@ -27,7 +27,11 @@ _Data = dict[str, Any]  # a TOML table: values by key
 
 @dataclass(frozen=True)
 class AssignedMaterial:
-    """A material that a job assigns: its file as the job names it, its prim if the job names one, and its variants."""
+    """A material that a job assigns.
+
+    `material` is the path of its file as the job has it. `prim` is its prim if the job names one. `variants` has the
+    variant that is chosen in each variant set.
+    """
 
     material: str
     prim: str | None = None
@@ -35,7 +39,7 @@ class AssignedMaterial:
 
     @property
     def keys(self) -> _Data:
-        """The keys and values in a table that assigns the material."""
+        """The keys, with their values, of a table that assigns the material."""
         prim = {"prim": self.prim} if self.prim else {}
         return {"material": self.material, **prim, **({"variants": dict(self.variants)} if self.variants else {})}
 
@@ -68,12 +72,12 @@ def assign_material(
 
 
 def assign_to_rest(text: str, look: int, material: AssignedMaterial) -> str:
-    """Return a job's text in which a look has a `material`, for every part to which no assign assigns one."""
+    """Return a job's text in which a look has a `material`, for all parts without a material from an assign."""
     return _edit_look(text, look, material.keys, lambda assigns: [*enumerate(assigns)])
 
 
 def unassign(text: str, look: int, prims: Iterable[str]) -> str:
-    """Return a job's text in which no assign of a look names the prims; an assign without prims is removed."""
+    """Return a job's text in which no assign of a look names the given prims; an assign without prims is removed."""
     removed = list(prims)
     return _edit_look(text, look, {}, lambda assigns: [*_remove_prims(assigns, removed)])
 
@@ -89,8 +93,9 @@ def _remove_prims(assigns: Sequence[_Data], prims: Sequence[str]) -> Iterable[tu
 def _edit_look(text: str, look: int, keys: _Data, edit: Callable[[list[_Data]], list[tuple[int | None, _Data]]]) -> str:
     """Return the text of a job with edited assigns of a look.
 
-    `edit` maps the assigns to the new ones, each with its index in the file; an additional assign has the index None.
-    `keys` are new values of the look's `_MATERIAL_KEYS`; if it is empty, they stay as they are.
+    `edit` takes the assigns, and returns pairs: the index of an assign in the file, and its edited table. An additional
+    assign has the index None. `keys` has new values of the look's `_MATERIAL_KEYS`; if it is empty, the values stay as
+    they are.
     """
     if "\r\n" in text:
         return _edit_look(text.replace("\r\n", "\n"), look, keys, edit).replace("\n", "\r\n")
@@ -179,7 +184,7 @@ def _statement_end(lines: Sequence[str], start: int) -> int:
 
 
 def _edit_blocks(text: str, look: int, keys: _Data, assigns: list[tuple[int | None, _Data]]) -> str:
-    """Return the text of a job with new assigns and `keys` of a look, as `_edit_look`, which checks the result."""
+    """Return the text of a job with new assigns and `keys` of a look; `_edit_look` checks the result."""
     lines = re.findall(r"[^\n]*\n|[^\n]+$", text)
     blocks = _blocks(lines)
     look_blocks = [number for number, block in enumerate(blocks) if block.keys == ("look",) and block.is_array_item]
@@ -227,7 +232,8 @@ def _new_blocks(
 ) -> Iterable[tuple[int, int, str]]:
     """Yield the edits that insert additional assigns: before the next assign of the file, else after the block `last`.
 
-    `blocks` are those of the assigns in the file. An edit is its first line, the line after its last, and the new text.
+    `blocks` are the blocks of the assigns in the file. An edit is a tuple: the first line that it replaces, the line
+    after the last one, and the new text.
     """
     for position, (number, table) in enumerate(assigns):
         if number is not None:
@@ -283,9 +289,10 @@ def _set_inline_assigns(table: Any, assigns: Sequence[tuple[int | None, _Data]])
 
 
 def _set_values(table: Any, values: _Data, replaced: Iterable[str] = ()) -> None:
-    """Set the values of a TOML Kit table, and delete its other keys, or those of its keys `replaced`.
+    """Set the values of a TOML Kit table, and delete keys that have no new value.
 
-    If prims are only removed from a list of prims, the layout of the list is kept.
+    Only keys in `replaced` are deleted; if it is empty, any key is. If prims are only removed from a list of prims, the
+    layout of the list is kept.
     """
     for key in [key for key in replaced or table if key in table and key not in values]:
         del table[key]

@@ -21,7 +21,7 @@ class BackendFeature:
     available
         Returns whether a backend supports a value of the key.
     problem
-        Returns the message about a backend that does not support the value; it follows the backend's name.
+        Returns the message about a backend that does not support the value. The message continues the backend's name.
     hint
         Returns values that would be right with the same backend.
     """

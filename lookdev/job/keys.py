@@ -31,7 +31,7 @@ PATTERNS: dict[str, str] = {
     NAME: "letters, digits, '_', '-' and '.', which is not the first",
     PRIM_PATH: "an absolute prim path, like '/Paint'",
 }
-"""For each pattern, the hint of the fault of a string that does not match."""
+"""The patterns of strings. The value of each is the hint that the user gets for a string that does not match."""
 
 
 T = TypeVar("T")
@@ -44,7 +44,7 @@ def key_error(problem: str, hint: str = "") -> PydanticCustomError:
 
 @dataclass(frozen=True)
 class OneOf:
-    """The annotation of a name in a registry. `names` returns the registry's names when a job is validated."""
+    """An annotation of a name in a registry. `names` is called when a job is validated, and returns all names."""
 
     names: Callable[[], Iterable[str]]
 
@@ -62,14 +62,17 @@ class OneOf:
 
 
 def _resolve_path(value: object, info: ValidationInfo[dict[str, Any]]) -> Path:
-    """Return an absolute path for a path in the job, which is relative to the job file; path mapping is applied."""
+    """Return the absolute path of a path in the job: map it to this machine, and resolve it from the job's folder."""
     if not isinstance(value, str) or not value or "\0" in value:
         raise key_error("should be a path in quotes")
     return Path(os.path.normpath(info.context["file"].parent / map_path(value, info.context.get("rules", ()))))
 
 
 def default_config() -> str:
-    """Return the OpenColorIO config of ``$OCIO``, which is relative to the working folder, else the one that ships."""
+    """Return the OpenColorIO config in ``$OCIO``, or without this variable the config that ships.
+
+    A relative path in ``$OCIO`` is resolved from the working folder.
+    """
     config = os.environ.get("OCIO") or SHIPPED
     return config if _is_config_name(config) else str(Path(config).absolute())
 
@@ -151,7 +154,7 @@ def reject_key(word: Literal["without", "beside"], other: str, hint: str) -> Cal
 
 
 def alternative_to(other: str) -> AfterValidator:
-    """Return the validator of a key if a table must have either this key or the key `other` before it, not both."""
+    """Return the validator of a key; a table must have exactly one of this key and the key `other`, declared before."""
 
     def check(value: str | None, info: ValidationInfo) -> str | None:
         # If `other` has a fault, it is absent from info.data, and counts as given.

@@ -27,7 +27,7 @@ _MAX_BYTES = 1 << 20  # the maximum size of a job file in bytes
 def load_job(path: Path, rules: PathRules = ()) -> Job:
     """Read a job file, which is TOML; paths in it are relative to its folder, and absolute in the job.
 
-    `rules` map paths of another machine to paths of this one.
+    `rules` map paths of another machine to paths of this machine.
 
     Raises
     ------
@@ -108,9 +108,9 @@ def _builtin_asset_faults(data: dict[str, Any], file: str) -> Iterator[Fault]:
 
 
 def _is_consequence(detail: ErrorDetails) -> bool:
-    """Return whether an error only follows from another one.
+    """Return whether an error is only a consequence of another error.
 
-    Then the default of a key depends on a faulty key, or a list seems too short because of faulty items.
+    In this case, the default of a key depends on a faulty key, or a list seems too short because of faulty items.
     """
     return detail["type"] == "default_factory_not_called" or (detail["type"] == "too_short" and bool(detail["input"]))
 
@@ -156,7 +156,7 @@ def _format_value(value: object) -> str:
 
 
 def _key_path(location: KeyPath, data: Any) -> KeyPath:
-    """Return the keys in a location of pydantic, which also contains tags of unions; these are not in `data`."""
+    """Return the keys in a location of pydantic, without tags of unions, which are not in `data`."""
     key_path: list[str | int] = []
     for part in location:
         if isinstance(data, dict | None) and isinstance(part, str):

@@ -1,6 +1,6 @@
 """Path mapping on render farms: from paths of the machine that submitted a job to paths of this machine.
 
-The rules are those of Open Job Description: "How Jobs Are Run", section Path Mapping (schema pathmapping-1.0).
+Open Job Description defines the rules: "How Jobs Are Run", section Path Mapping (schema pathmapping-1.0).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The table ``[outputs]`` of a job: the files that are written, and the views of pictures.
 
-An *output* is a kind of file, such as PNGs or a contact sheet. The registry `lookdev.output.OUTPUTS` has them, with the
-keys that each adds to the table.
+An *output* is a kind of file, such as PNGs or a contact sheet. The registry `lookdev.output.OUTPUTS` has all outputs.
+Each output adds keys to the table.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class OutputsTable(JobTable):
         return value
 
     def display_view(self, output: str = "") -> DisplayView:
-        """Return the display and view for an output, by its name; "" for those that apply to all outputs."""
+        """Return the display and view for the output with this name; for "", those that apply to all outputs."""
         return _display_view(self.__dict__, self.views.get(output, self.view), output)
 
     @property
@@ -137,7 +137,7 @@ class OutputsTable(JobTable):
 def _display_view(keys: Mapping[str, Any], view: str | None, output: str = "") -> DisplayView:
     """Return a view, with the display of an output; `view` is the name of the view, None for the display's default.
 
-    `keys` are the values of the table. A key with a fault is absent, and its default is used.
+    `keys` has the values of the table's keys. A key with a fault is absent, and its default is used.
     """
     config = keys.get("ocio", SHIPPED)
     display = keys.get("displays", {}).get(output) or keys.get("display") or default_display(config)

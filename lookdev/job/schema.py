@@ -1,8 +1,8 @@
 """The schema of a job file: strict, frozen pydantic models with a range for every number.
 
-A rule about two keys is in the validator of the later key, which has the values of the earlier ones in `info.data`. Its
-fault is then reported together with all others, unlike that of a validator of the whole model. For the same reason
-`lookdev.job.load` checks in the raw tables that names are unique.
+A rule about two keys is in the validator of the later key, which has the values of the earlier keys in `info.data`. A
+fault that this validator finds is reported together with all other faults. A fault that a validator of the whole model
+finds would not be. For the same reason, `lookdev.job.load` checks in the raw tables that names are unique.
 """
 
 from __future__ import annotations
@@ -186,14 +186,15 @@ class JobRender(JobTable):
         f"Default {Sampling.samples}, with 'error' {SAMPLE_CAP}.",
     )
     bounces: Annotated[int, Field(ge=0, le=64)] = key(Sampling.bounces, "Indirect bounces; 0: only direct light.")
-    # At least one, because narrow lobes and indirect light are sampled only by directions of the BRDF.
+    # The minimum is 1, because narrow lobes and indirect light are sampled only by directions of the BRDF.
     brdf_samples: Annotated[int, Field(ge=1, le=64), backend_supports("light integrals")] | None = key(
         None, "Directions drawn from the BRDF per shading point, by the exact backend; default: by the look."
     )
     ibl_samples: Annotated[int, Field(ge=0, le=64), backend_supports("light integrals")] | None = key(
         None, "Directions drawn from the light per shading point, by the exact backend; default: by the look."
     )
-    # The shader gets the seed, times 64 for the rounds and halves of a frame, as a float32. The limit keeps it exact.
+    # A frame has 64 seeds for its rounds and halves, so the shader gets up to 64 times this seed, as a float32. The
+    # limit keeps the number exact.
     seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = key(Sampling.seed, "Seed of all random choices.")
     denoise: Annotated[Literal["off", "measured"], backend_supports("denoise")] = key(
         Sampling.denoise,
@@ -218,7 +219,7 @@ class JobRender(JobTable):
     def _check_passes(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
         value = tuple(name for name in value if name not in ALWAYS_WRITTEN)
         check_feature("passes", info.data.get("backend", ""), value)
-        # The order is always that of `PASSES`, so that frames with the same passes have the same digest.
+        # The order is always as in `PASSES`, so that frames with the same passes have the same digest.
         return tuple(name for name in PASSES if name in value)
 
     @property
@@ -321,7 +322,7 @@ SEVERAL_JOBS_HINT = "write several jobs"
 
 
 def excess_frames_message(looks: int, rigs: int, turntables: Iterable[JobTurntable]) -> str:
-    """Return the message about a job with more than `MAX_FRAMES` frames; "" for a job with fewer."""
+    """Return the message about a job with more than `MAX_FRAMES` frames; "" for other jobs."""
     frames = sum(turntable.frames for turntable in turntables)
     count = looks * rigs * frames
     if count <= MAX_FRAMES:

@@ -12,9 +12,10 @@ from lookdev.job.keys import JobTable, MaterialFile, MaterialPrim, Text, key, ke
 from lookdev.scene.charts.props import PROPS_FOLDER, FrameSide, Strip
 
 _SUMMING_PASSES = ("lobes", "direct", "lights", "cryptomatte")
-"""The passes whose sum is the beauty pass or its alpha.
+"""The passes that sum up to the beauty pass or to its alpha.
 
-A shadow catcher cannot have them, because it subtracts light and coverage from both.
+A job with a shadow catcher cannot have these passes: the catcher subtracts light from the beauty, and coverage from the
+alpha.
 """
 
 

@@ -43,7 +43,7 @@ class JobAxis(JobTable):
 
     @property
     def steps(self) -> tuple[WedgeInput, ...]:
-        """The values of the parameter, one for each step; those of a range are rounded to 6 significant digits."""
+        """The values of the parameter, one for each step. Values of a range are rounded to 6 significant digits."""
         if self.range is None:
             return self.values or ()
         first, last, count = self.range
@@ -73,7 +73,7 @@ class JobWedge(JobAxis):
 
     @property
     def axes(self) -> tuple[JobAxis, ...]:
-        """The axes of the wedge: that of the rows of its contact sheets, and that of the columns if there are two."""
+        """The one or two axes of the wedge: first the axis of a contact sheet's rows, then the axis of its columns."""
         return (self,) if self.by is None else (self, self.by)
 
     @property

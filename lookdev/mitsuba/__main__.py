@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class _Scenes:
-    """Renders tasks, and keeps the scene of the latest frame and that of the latest picture with derivatives.
+    """Renders tasks, and keeps two scenes: of the latest frame, and of the latest picture with derivatives.
 
     Most tasks have the same scene as the task before.
     """

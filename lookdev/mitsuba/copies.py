@@ -1,8 +1,8 @@
 """Instances of meshes: a mesh with several instances is stored once, as a shape group of Mitsuba.
 
-`lookdev.mitsuba.geometry` numbers all triangles of all instances consecutively. By the classes here, it maps the number
-of a triangle to its instance and to the row of tables that has the data of the triangle. All instances of a mesh share
-the rows of the mesh.
+`lookdev.mitsuba.geometry` numbers all triangles of all instances consecutively. The classes here map the number of a
+triangle to its instance, and to the row of tables that has the data of the triangle. All instances of a mesh share the
+rows of the mesh.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _LAST = (1 << 32) - 1  # the largest number of a triangle
 class Body(NamedTuple):
     """A mesh as it is stored in Mitsuba's scene, and its instances.
 
-    With a single instance, it is stored in world space, relative to the asset's centre. With several, it is stored in
-    its own space, relative to its own centre.
+    A mesh with a single instance is stored in world space, relative to the asset's centre. A mesh with several
+    instances is stored in its own space, relative to its own centre.
     """
 
     mesh: int  # an index into `Asset.meshes`
@@ -35,7 +35,7 @@ class Body(NamedTuple):
 
 
 def bodies_of(asset: Asset, center: Floats) -> list[Body]:
-    """Return the bodies of an asset, relative to a centre (3,); those with a single instance come first."""
+    """Return the bodies of an asset, relative to a centre (3,); bodies with a single instance come first."""
     instances: dict[int, list[int]] = {}
     for number, instance in enumerate(asset.instances):
         instances.setdefault(instance.mesh, []).append(number)
@@ -65,19 +65,19 @@ def _translation(offset: Floats) -> Floats:
 class Copies:
     """The copies of bodies, in a variant's arrays.
 
-    A copy is an instance of a body that has several. All bodies with a single instance together are copy 0, which is
-    not transformed. The triangles of a copy have consecutive numbers. In the methods, a `copy` of None means that no
-    body has several instances.
+    A copy is an instance of a body that has several instances. All bodies with a single instance together are copy 0,
+    which is not transformed. The triangles of a copy have consecutive numbers. In the methods, a `copy` of None means
+    that no body has several instances.
 
     Parameters
     ----------
     bodies
         The number of bodies with several instances.
     matrices
-        By the number of an instance that is a copy: its matrix (4, 4), from the space of the body to world space
-        relative to the asset's centre.
+        The matrix (4, 4) of each copy except copy 0, from the space of the body to world space relative to the asset's
+        centre. The keys are the numbers of the instances.
     first, row
-        For each copy, copy 0 included: the number of its first triangle, and the row of that triangle.
+        The number of the first triangle of each copy, copy 0 included, and the row of that triangle.
     """
 
     def __init__(self, mi: Mitsuba, bodies: int, matrices: Mapping[int, Floats], first: list[int], row: list[int]):
@@ -131,7 +131,7 @@ class Copies:
             indices = [self._registry_index(shapes.get(f"instance{number}")) for number in self.matrices]
             firsts = np.zeros(max(indices) + 1, np.uint32)
             firsts[indices] = self._firsts[1:]
-            self._first_of = device_array(self._mi.UInt32, firsts)  # by number in the registry: the first triangle
+            self._first_of = device_array(self._mi.UInt32, firsts)  # the first triangle, by number in the registry
 
     def _registry_index(self, instance: object) -> int:
         """Return the number of an instance's shape in Dr.Jit's registry, 0 if there is none."""
@@ -168,7 +168,7 @@ class Copies:
         return triangle - dr.gather(self._mi.UInt32, self._row_shifts, copy)
 
     def instance(self, triangle: UInt, single: UInt) -> UInt:
-        """Return the numbers of the instances that have triangles; for those of copy 0, return `single`."""
+        """Return the numbers of the instances that have triangles; for triangles of copy 0, return `single`."""
         if not self.bodies:
             return single
         copy = self._find_copies(triangle)
@@ -189,7 +189,7 @@ class Copies:
         return n if copy is None else dr.normalize(self._multiply(self._inverse_transposes, copy, n))
 
     def facet(self, copy: UInt | None, n: Vector3f) -> Vector3f:
-        """Return unit normals of facets in world space, from those in the spaces of copies.
+        """Return unit normals of facets in world space, from normals of facets in the spaces of copies.
 
         The order of the corners determines the side of a facet's normal, so a mirrored copy has the opposite side.
         """
@@ -200,7 +200,7 @@ class Copies:
         return handedness if copy is None else handedness * dr.gather(self._mi.Float, self._handedness, copy)
 
     def lift(self, copy: UInt | None, lift: Float) -> Float:
-        """Return the distances above facets at which rays start, from those in the spaces of copies."""
+        """Return the distances above facets at which rays start, from such distances in the spaces of copies."""
         if copy is None:
             return lift
         return dr.gather(self._mi.Float, self._lift_scales, copy) * lift + dr.gather(

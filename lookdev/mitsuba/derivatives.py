@@ -1,4 +1,4 @@
-"""Renders pictures together with their derivatives by live inputs of looks, along the same paths; fits use them.
+"""Renders pictures, and along the same paths their derivatives with respect to live inputs of looks, for fits.
 
 A live input is an input of a look whose value is an argument of a render (`DerivativeTask.values`), and not a constant
 of the look's program.
@@ -12,9 +12,9 @@ Here, f is the BSDF times the cosine, wi a direction, x a live input, and L the 
 derivative is the derivative of the integral, because no edge of the picture moves with an input.
 
 The program of a look has the derivatives of f among its outputs (`codegen.trace.derivatives`). If diffuse and specular
-lobes reflect different light, it also has those of the diffuse part of f. The loops over paths are those of
-`lookdev.mitsuba.integrator`, which compute with duals (`lookdev.mitsuba.dual`). A dual is a list. Here it has a value
-and, after it, the derivatives of the value; when a frame is rendered, it has only the value.
+lobes reflect different light, the program also has the derivatives of the diffuse part of f. The loops over paths in
+`lookdev.mitsuba.integrator` compute with duals (`lookdev.mitsuba.dual`). Here, a dual is a list of a value and its
+derivatives. When a frame is rendered, a dual has only the value.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _LAUNCH_SAMPLES = 1 << 21  # the most samples in a launch without derivatives; w
 
 
 class DerivativeScene:
-    """The geometry and the lights of a scene whose looks have live inputs. They are the same for all input values."""
+    """The geometry and the lights of a scene whose looks have live inputs. Both are the same for all input values."""
 
     def __init__(self, mi: Mitsuba, task: SceneTask) -> None:
         self.task = task
@@ -55,10 +55,11 @@ class DerivativeScene:
         self._light = scene_lights(mi, task, self._geometry)
 
     def render(self, task: DerivativeTask, progress: Callable[[int, int], None]) -> Floats32:
-        """Return halves of a picture and of its derivatives by the P `task.symbols`, (2, 1 + P, H, W, 4).
+        """Return two halves of a picture and of its derivatives, (2, 1 + P, H, W, 4).
 
-        The axes are the half, the picture followed by its derivatives, row, column, and the channels of radiance (3)
-        and coverage. `progress` is called with the number of finished launches and the number of all launches.
+        The derivatives are with respect to the P `task.symbols`. The axes are the half, the picture followed by its
+        derivatives, row, column, and the channels of radiance (3) and coverage. `progress` is called with the number of
+        finished launches and the number of all launches.
         """
         mi, geometry = self._mi, self._geometry
         inputs = {name: (mi.Vector3f if len(value) == 3 else mi.Float)(*value) for name, value in task.values.items()}
@@ -87,9 +88,10 @@ class DerivativeScene:
 
 
 class LiveSurface(SurfacePoints):
-    """Points of a surface where the responses of the look have derivatives by the numbers that `symbols` names.
+    """Points of a surface where the responses of the look have derivatives.
 
-    With `split`, the diffuse part of a response is separate. `position` is as in `SurfacePoints`.
+    The derivatives are with respect to the numbers that `symbols` names. With `split`, the diffuse part of a response
+    is separate. `position` is as in `SurfacePoints`.
     """
 
     def __init__(
@@ -142,7 +144,7 @@ class LiveSurface(SurfacePoints):
         return wi, self._call_programs(delta, active=self.active), group
 
     def _dual(self, evaluation: Evaluation, output: str, kind: Callable[..., Color3f], **inputs: Float) -> Dual:
-        """Return an output of a program, followed by its derivatives by the symbols, as colours that `kind` makes."""
+        """Return an output of a program and its derivatives with respect to the symbols; `kind` makes the colours."""
         names = [derivative_name(output, symbol) for symbol in self._symbols]
         zero = self.looks.mi.Color3f(0.0)
         derivatives = [kind(*evaluation.values(name, **inputs)) if evaluation.has(name) else zero for name in names]
@@ -150,7 +152,7 @@ class LiveSurface(SurfacePoints):
 
 
 class DerivativeEstimator(Estimator):
-    """Estimates pictures of a scene, and their derivatives by symbols of its looks' programs."""
+    """Estimates pictures of a scene, and their derivatives with respect to symbols of its looks' programs."""
 
     _can_resample = False
 
@@ -161,9 +163,9 @@ class DerivativeEstimator(Estimator):
     def duals(
         self, view: KernelView, rectangle: FramePart, count: int, seed: UInt, first: UInt, shift: UInt
     ) -> list[Float]:
-        """Return the four channels of radiance and coverage, then the derivatives of these by each symbol.
+        """Return the four channels of radiance and coverage, then their derivatives with respect to each symbol.
 
-        `count` is the number of samples. The other arguments are those of `Estimator.render_pixels`.
+        `count` is the number of samples. The other arguments are as in `Estimator.render_pixels`.
         """
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)

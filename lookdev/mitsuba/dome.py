@@ -44,7 +44,7 @@ class DomeLight:
             self._points = file_array(mi.Float, dome.points_file, lambda path: read_exr(path, "RGBA"))
             self._slots = file_array(mi.UInt32, dome.slots_file, lambda path: np.load(path).view(np.uint32))
             self._bins = file_array(mi.Float, dome.bins_file, np.load)
-            # By row of bins: the number of cells, and the number of the first bin.
+            # The number of cells in each row of bins, and the number of the row's first bin.
             self._cells, self._first = device_array(mi.UInt32, bins.CELLS), device_array(mi.UInt32, bins.FIRST)
 
     def radiance(self, w: Vector3f, active: Bool) -> Color3f:
@@ -134,10 +134,10 @@ class NormalBin:
     def _sample(self, slot: UInt, u: Float, active: Bool) -> tuple[Vector3f, Color3f, Float]:
         """Return one of the points of a slot, its radiance, and q / p; `u` in [0, 1) selects the point.
 
-        An entry of the table of slots has the number of the slot's first point and a code. The code is the count of
-        points, or says how many slots a single point fills (`lookdev.light.dome.slots.pack_ranges`). A point has an
-        azimuth, the cosine of its polar angle, the mean m of its radiance's channels, and the shares of red and green
-        in 3 m, in units of 1 / 4095 and packed into one number.
+        An entry of the table of slots has the number of the slot's first point and a code. The code is the number of
+        points, or the number of slots that a single point fills (`lookdev.light.dome.slots.pack_ranges`). A point has
+        an azimuth, the cosine of its polar angle, the mean m of its radiance's channels, and the shares of red and
+        green in 3 m. These shares are in units of 1 / 4095 and packed into one number.
         """
         light = self._light
         mi = light._mi

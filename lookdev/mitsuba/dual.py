@@ -1,6 +1,7 @@
-"""Duals: lists of a value, a colour or a number, followed by its derivatives by the inputs of a fit.
+"""Duals: a dual is a list of a value and its derivatives with respect to the inputs of a fit.
 
-The path tracer computes with duals (`lookdev.mitsuba.integrator`). When a frame is rendered, a dual has only the value.
+A value is a colour or a number. The path tracer computes with duals (`lookdev.mitsuba.integrator`). When a frame is
+rendered, a dual has only the value.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import drjit as dr
 from lookdev.mitsuba.types import Bool, Color3f, Float
 
 Dual = list[Color3f]
-"""A colour, then its derivatives. Estimators of frames also use such lists for a colour and its parts."""
+"""A colour, then its derivatives. For frames, such a list has the light, then the parts of it that passes record."""
 
 _Number = TypeVar("_Number", Float, Color3f)
 

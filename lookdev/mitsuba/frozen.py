@@ -1,7 +1,7 @@
 """Arrays for frozen kernels: kernels that Dr.Jit records once and replays with other arguments (`dr.freeze`).
 
-A frozen kernel also reads arrays that are not among its arguments, such as textures. Dr.Jit must be given the list of
-these, which `collect_arrays` finds.
+A frozen kernel also reads arrays that are not among its arguments, such as textures. Dr.Jit needs a list of these
+arrays, which `collect_arrays` returns.
 """
 
 from __future__ import annotations

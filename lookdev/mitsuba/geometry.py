@@ -28,9 +28,9 @@ _MAX_INSTANCED_TRIANGLES = 1 << 32  # the most triangles of all instances: their
 class Geometry:
     """The triangles of an asset in a variant's arrays, in metres relative to the asset's centre.
 
-    All triangles of all instances are numbered consecutively. The first numbers are those of meshes with a single
-    instance, which together are one mesh of Mitsuba. The triangles of the other meshes follow, one instance after the
-    other. A triangle has a row in the tables of data, such as corners; the instances of a mesh share its rows
+    All triangles of all instances are numbered consecutively. The triangles of meshes with a single instance come
+    first; these meshes together are one mesh of Mitsuba. The triangles of the other meshes follow, one instance after
+    the other. A triangle has a row in the tables of data, such as corners; the instances of a mesh share its rows
     (`lookdev.mitsuba.copies`). `assign_looks` must be called before looks are looked up.
     """
 
@@ -39,7 +39,7 @@ class Geometry:
         self.asset = asset
         self.center = np.array(asset.center)
         self._bodies = bodies_of(asset, self.center)
-        # By mesh: the corners (n, 3) and the face (n,) of each triangle.
+        # The corners (n, 3) and the face (n,) of each triangle of a mesh, by the index of the mesh.
         triangles_of_mesh = {body.mesh: corner_triangles(asset.meshes[body.mesh]) for body in self._bodies}
         count = sum(len(faces) for _, faces in triangles_of_mesh.values())
         instanced = sum(len(triangles_of_mesh[instance.mesh][1]) for instance in asset.instances)
@@ -79,8 +79,8 @@ class Geometry:
         self._lifts = device_array(mi.Float, LIFT * _lengths(triangle_points).max(axis=-1))
         self._position = device_array(mi.Float, position)
         self._index = device_array(mi.UInt32, index)
-        # The transformed normals are not normalised: they are to be interpolated as in the space of the mesh, which the
-        # matrix of the body may stretch.
+        # The transformed normals are not normalised, so that they are interpolated as in the space of the mesh. The
+        # matrix of the body may stretch this space.
         self._normals = self._corner_array(
             lambda body, mesh: mesh.normals.astype(np.float64) @ np.linalg.inv(body.matrix[:3, :3]), 3
         )
@@ -136,7 +136,7 @@ class Geometry:
         return mesh
 
     def shadow_scene(self, excluded: tuple[int, ...]) -> TracedScene:
-        """Return the scene of the parts that cast a light's shadow: all except those in the `excluded` groups."""
+        """Return the scene of the parts that cast a light's shadow: all parts except the `excluded` groups."""
         if excluded not in self._shadow_scenes:
             self._shadow_scenes[excluded] = self._scene(~np.isin(self._groups, excluded))
         return self._shadow_scenes[excluded]

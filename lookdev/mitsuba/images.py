@@ -12,7 +12,7 @@ from lookdev.mitsuba.types import UV, Bool, Float, Mitsuba, UInt, Vector4f
 class Images:
     """The images of a texture in a variant's arrays: one image, or several UDIM tiles.
 
-    `binding` describes them. Its `files` are by the number of a tile, or 0 for a single image.
+    `binding` describes the images. The keys of its `files` are the numbers of the tiles, or only 0 for a single image.
     """
 
     def __init__(self, mi: Mitsuba, binding: ImageBinding) -> None:
@@ -63,7 +63,7 @@ def bilinear(mi: Mitsuba, image: FileArray, s: Float, t: Float, wrap_s: str, wra
 def _wrap(mi: Mitsuba, position: Float, size: int, wrap: str) -> tuple[UInt, Bool | bool]:
     """Return the index of the texel at an integer position along an axis, and whether there is a texel.
 
-    `size` is the number of texels along the axis. Beyond the edges of an image that is not wrapped, there are none.
+    `size` is the number of texels along the axis. Beyond the edges of an image that is not wrapped, there is no texel.
     """
     match wrap:
         case "repeat":

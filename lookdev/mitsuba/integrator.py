@@ -5,10 +5,10 @@ Guibas 1995). A direction from the BSDF may hit the asset again. One of these di
 selected in proportion to its throughput, as in `lookdev/shaders/surface.osl`. The directions of all samples of a pixel
 are one set of low-discrepancy points.
 
-Light is a dual (`lookdev.mitsuba.dual`): here, a list of the light and of the parts of it that passes record. In
-`lookdev.mitsuba.derivatives`, it is a list of the light and its derivatives. `w` is a direction in world space, `wi`
-the same direction in the shading frame. Hexadecimal constants are arbitrary odd numbers; random numbers derived from
-the same seed use different ones.
+Light is a dual (`lookdev.mitsuba.dual`): here, a list of the light, then the parts of it that passes record. In
+`lookdev.mitsuba.derivatives`, it is a list of the light and its derivatives. `w` is a direction in world space, and
+`wi` is the same direction in the shading frame. Hexadecimal constants are arbitrary odd numbers. Random numbers that
+are derived from the same seed use different constants.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ class PathDirectionCounts:
     is_resampled: bool = False  # whether only one of the directions from the light is selected and traced
 
 
-# For diffuse, glossy, and resampled glossy looks. In recesses, a path adds one sample of the light from other parts,
-# no matter how many directions its first hit draws (as in `lookdev.codegen.osl.surface`). Glossy looks therefore draw
-# few directions at the first hit.
+# The numbers for diffuse looks, for glossy looks, and for glossy looks with resampling. In recesses, a path adds one
+# sample of the light from other parts, no matter how many directions its first hit draws (as in
+# `lookdev.codegen.osl.surface`). Glossy looks therefore draw few directions at the first hit.
 _COUNTS, _GLOSSY_COUNTS, _RESAMPLED_COUNTS = (
     PathDirectionCounts(2, 4, 1, 4),
     PathDirectionCounts(1, 2, 1, 4),
@@ -57,7 +57,7 @@ _COUNTS, _GLOSSY_COUNTS, _RESAMPLED_COUNTS = (
 def direction_counts(
     sampling: Sampling, is_light_sampled: bool, is_glossy: bool, can_resample: bool = True
 ) -> PathDirectionCounts:
-    """Return the numbers of directions: those of the job, or defaults, which reach an error in the least time.
+    """Return the numbers of directions: from the job, or else defaults, which reach an error in the least time.
 
     is_light_sampled : whether directions can be drawn from the light; is_glossy : whether all looks are glossy;
     can_resample : whether the estimator can select and trace a single one of the directions from the light.
@@ -82,14 +82,14 @@ class Vertex:
     surface, lighting
         The points of the surface, and the light there.
     path
-        The throughput; whether the path is straight, so that nothing has scattered it since the camera; and, for paths
-        that are not, the share of each group of lobes in the throughput.
+        Three values: the throughput; whether the path is straight, so that nothing has scattered it since the camera;
+        for scattered paths, the share of each group of lobes in the throughput.
     counts
         The numbers of directions to draw from the BSDF and from the light.
     index
         The number of the sample in its pixel.
     seed
-        The seed of the points by which directions are drawn.
+        The seed of the low-discrepancy points that select directions.
 
     The class is not a dataclass: Dr.Jit makes dataclasses part of the state of its loops, and loops do not change a
     vertex.
@@ -167,8 +167,8 @@ class Estimator:
         """Return three values: the light of samples and its parts, the coverage, and the light seen directly.
 
         The light is a dual as `_reflect` returns it, and the coverage is followed by its derivatives. The parts exclude
-        light that the camera sees directly, which has no derivative. It is returned as `SceneLights.camera_radiance`
-        does. Arguments are those of `render_pixels`.
+        light that the camera sees directly, which has no derivative. The third value has this light, as
+        `SceneLights.camera_radiance` returns it. The arguments are as in `render_pixels`.
         """
         mi = self._mi
         number = first + (lane >> shift)
@@ -283,7 +283,7 @@ class Estimator:
 
     @dr.syntax
     def _sample_light_fully(self, vertex: Vertex) -> Dual:
-        """Return the reflected light of all directions, each of which is traced."""
+        """Return the reflected light of all directions; each direction is traced."""
         total, j = self._no_light(), self._mi.UInt32(0)
         while vertex.active & (j < vertex.light_count):
             sample = self._draw_from_light(vertex, j, vertex.active)
@@ -293,11 +293,11 @@ class Estimator:
 
     @dr.syntax
     def _resample_light(self, vertex: Vertex) -> Dual:
-        """Return the reflected light of all directions, estimated from one that is traced.
+        """Return the reflected light of all directions, estimated from the only direction that is traced.
 
-        It is selected in proportion to its contribution without occlusion (Talbot et al. 2005, "Importance Resampling
-        for Global Illumination"). This pays off for glossy surfaces, because most directions from the light miss their
-        lobes.
+        This direction is selected in proportion to its contribution without occlusion (Talbot et al. 2005, "Importance
+        Resampling for Global Illumination"). The selection pays off for glossy surfaces, because most directions from
+        the light miss their lobes.
         """
         mi = self._mi
         j, selected = mi.UInt32(0), mi.UInt32(0)
@@ -317,9 +317,9 @@ class Estimator:
     def _draw_from_light(self, vertex: Vertex, j: UInt, active: Bool) -> _Sample:
         """Return direction `j` drawn from the light, and everything about it that needs no shadow ray.
 
-        The tuple has the direction, the responses, the radiance over the density of all drawn directions, the distance
-        and the controls of the light (`SceneLights`), a mask of directions that contribute, and the mean contribution
-        without occlusion.
+        The tuple has these members: the direction; the responses; the radiance over the density of all drawn
+        directions; the distance of the light; the controls of the light (`SceneLights`); a mask of directions that
+        contribute; the mean contribution without occlusion.
         """
         surface = vertex.surface
         w, radiance, distance, density, controls = vertex.lighting.draw(vertex.index, j, vertex.seed, active)
@@ -344,10 +344,10 @@ class Estimator:
         return [self._mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct + self._light.groups)]
 
     def _reflect(self, vertex: Vertex, responses: list[Response], arriving: list[Arriving], active: Bool) -> Dual:
-        """Return the light that is reflected along the path: the whole, then its parts.
+        """Return the light that is reflected along the path: the whole light, then its parts.
 
         The parts are one for each group of lobes, the direct light if requested, and one for each group of lights.
-        `arriving` has the arriving light over its density: the whole, then that of each group of lights.
+        `arriving` has the arriving light over its density: the whole light, then the light of each group of lights.
         """
         (throughput, *_), (response, *_) = vertex.throughput, responses
         reflected, *light_parts = where(active, [throughput * response.to(light) for light in arriving])
@@ -434,7 +434,7 @@ class Estimator:
         return (wi.z > 0.0) & (height > 0.0)
 
     def _ray(self, surface: SurfacePoints, w: Vector3f) -> Ray3f:
-        """Return rays that leave a surface, from a small distance above its facet or below."""
+        """Return rays that leave a surface. They start a small distance above or below its facet."""
         side = dr.select(dr.dot(w, surface.facet) < 0.0, -surface.lift, surface.lift)
         return self._mi.Ray3f(self._mi.Point3f(surface.point + side * surface.facet), w)
 
@@ -474,7 +474,7 @@ class Estimator:
     ) -> Float:
         """Return the distance of the first occluder nearer than `distance`, or `FAR` if there is none.
 
-        `number` is that of a set in `SceneLights.shadow_excluded`. Where only the fact of occlusion matters, the
+        `number` is the index of a set in `SceneLights.shadow_excluded`. Where only the fact of occlusion matters, the
         distance of an occluder is returned as 0.
         """
         mi = self._mi

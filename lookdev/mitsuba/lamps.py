@@ -1,7 +1,7 @@
 """The lamps of a rig on Dr.Jit's arrays: a table of numbers, and programs that compute with them.
 
-A lamp is any light that is not a dome. Each light, domes included, has a row in the table, whose columns are named
-`FIELDS`. The programs are those of `lookdev.codegen.program.lamps`.
+A lamp is any light that is not a dome. Each light, domes included, has a row in the table. `FIELDS` has the names of
+the columns. `lookdev.codegen.program.lamps` generates the programs.
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ class LampRows:
 
 
 class Lamps(LampRows):
-    """The lamps of one kind in a rig, such as all discs. A lamp with a texture, of kind "picture", is by itself.
+    """The lamps of one kind in a rig, such as all discs. A lamp with a texture, of kind "picture", is alone.
 
     In the methods, p is a point, n a unit normal and w a direction, in the frames of the lamps.
     """
@@ -139,7 +139,7 @@ class Lamps(LampRows):
 
 
 def lamps_by_kind(mi: Mitsuba, rig: CodedRig, rows: Floats32, links: Bools | None) -> list[Lamps]:
-    """Return the lamps of a rig, an object for each kind, from the rows and links of all lamps in the rig's order."""
+    """Return the lamps of a rig by kind: `rows` and `links` have the rows and links of all lamps in the rig's order."""
     kinds = []
     for kind in rig.kinds:
         of_kind = np.flatnonzero(rows[:, 0] == list(SHAPES).index(kind))

@@ -1,11 +1,11 @@
 """The interface of the path tracer to the lights of a scene: one dome, or a rig of lamps and domes.
 
-The class for one dome is here, that for a rig in `lookdev.mitsuba.rig`. Points are relative to the geometry's centre;
-directions are in world space.
+The class for one dome is here. The class for a rig is in `lookdev.mitsuba.rig`. Points are relative to the geometry's
+centre; directions are in world space.
 
 `turns` is a pair of rotations about z, in radians (`lookdev.mitsuba.view.KernelView`). `turns.x` rotates lights that
-turn with the rig, `turns.y` all other lights. The others rotate, too, because the asset is fixed here: instead of a
-turn of the asset, camera and lights turn backwards.
+turn with the rig, and `turns.y` rotates all other lights. The other lights rotate, too, because the asset is fixed
+here: the camera and the lights turn backwards instead.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from lookdev.mitsuba.programs import Evaluation, Program
 from lookdev.mitsuba.surface import Arriving, SurfacePoints
 from lookdev.mitsuba.types import Bool, Color3f, Float, Mitsuba, Point3f, UInt, Vector2f, Vector3f
 
-_SPLIT = ("diffuse", "specular")  # controls: factors of the light that these lobes reflect
+_SPLIT = ("diffuse", "specular")  # the controls that are factors of the light that these lobes reflect
 
 LightSample = tuple[Vector3f, Color3f, Float, Float, tuple[Float, ...]]
 """A direction drawn from a light: direction, radiance, distance of the light, density, controls of the light.
 
-`Lighting.draw` defines radiance and density, `SceneLights` the controls.
+`Lighting.draw` defines the radiance and the density. `SceneLights` defines the controls.
 """
 
 
@@ -49,7 +49,7 @@ class Direction:
         ``own_density + weighed * d``, where d is the density of directions drawn from the lights. With 1, the result
         has the weight of the balance heuristic.
     occluders
-        For each set in `SceneLights.shadow_excluded`: the distance of the first part that casts a shadow.
+        The distance of the first part that casts a shadow, for each set in `SceneLights.shadow_excluded`.
     active
         A mask; where it is false, no light arrives.
     is_straight
@@ -77,15 +77,15 @@ class Lighting(Protocol):
     def arriving(self, direction: Direction) -> list[Arriving]:
         """Return the radiance that passes the occluders, divided by the density that `Direction` describes.
 
-        The list is that of `SceneLights.split_by_group`: the sum over all lights, then over each recorded group.
+        The list is as in `SceneLights.split_by_group`: the sum over all lights, then over each recorded group.
         """
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
         """Draw direction `number` of sample `index` of a pixel from the lights.
 
-        The density is the sum over all directions that are drawn from the lights at the point. The radiance is
-        multiplied by q / p. Here, q is the light's pdf in that sum, and p is the pdf with which the direction is really
-        drawn: a dome draws from a table, whose pdf p only approximates q.
+        The density is the sum of the densities of all directions that are drawn from the lights at the point. The
+        radiance is multiplied by q / p. Here, q is the light's pdf in that sum, and p is the pdf with which the
+        direction is really drawn: a dome draws from a table, whose pdf p only approximates q.
         """
 
 
@@ -96,8 +96,8 @@ class SceneLights(ABC):
     control that no light of the scene needs is left out. In order:
 
     - ``spares``: the index in `shadow_excluded` of the set of groups of parts that cast no shadow of the light;
-    - `SHADOW_FIELDS`: whether the light casts shadows, the distance in metres at which shadows end, the width of the
-      zone before that end in which they fade, the exponent of the fading, and the colour of shadows;
+    - `SHADOW_FIELDS`: whether the light casts shadows; the distance in metres at which shadows end; the width of the
+      zone before this distance, where shadows fade; the exponent of the fading; the colour of shadows;
     - ``diffuse`` and ``specular`` (`_SPLIT`): the factors of the light that these lobes reflect;
     - ``group``: the index of the group of lights in which the light is recorded.
 
@@ -159,7 +159,7 @@ class SceneLights(ABC):
         return tuple(self._mi.Float(0.0) for _ in self._control_names)
 
     def split_by_group(self, controls: tuple[Float, ...], arriving: Arriving) -> list[Arriving]:
-        """Return the light that arrives from one light, then the part of it for each recorded group: all of it or 0."""
+        """Return a list of the light from one light: all of it, then all of it or 0 for each recorded group."""
         specular, diffuse = arriving
         masks = [controls[-1] == number for number in range(self.groups)]
         return [
@@ -168,7 +168,7 @@ class SceneLights(ABC):
         ]
 
     def excludes(self, controls: tuple[Float, ...], number: int) -> Bool:
-        """Return where lights exclude the set of parts that has a number in `shadow_excluded`."""
+        """Return where lights exclude the set of parts `number` of `shadow_excluded` from their shadows."""
         return controls[0] == number if len(self.shadow_excluded) > 1 else self._mi.Bool(True)
 
     def shadow_shares(
@@ -176,9 +176,9 @@ class SceneLights(ABC):
     ) -> Arriving:
         """Return the shares of a light that pass the occluders and reach the specular and the diffuse lobes.
 
-        distance : that of the light; occluders : the distance of the first occluder for each set in `shadow_excluded`;
-        is_straight : whether the light passes straight through the surface. It then meets no lobe, and the factors of
-        lobes do not apply.
+        distance : the distance of the light; occluders : the distance of the first occluder for each set in
+        `shadow_excluded`; is_straight : whether the light passes straight through the surface. It then meets no lobe,
+        and the factors of lobes do not apply.
         """
         mi = self._mi
         values = dict(zip(self._control_names, controls, strict=True))
@@ -251,7 +251,7 @@ class _DomeLighting:
         return [(arriving_light, arriving_light)]
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
-        """Draw a direction, as `Lighting.draw`: those with the first numbers in front, the others behind."""
+        """Draw a direction, as `Lighting.draw`. The first directions are in front of the surface, the others behind."""
         start = sobol.hash_integers(seed ^ 0x2545F491)  # an arbitrary constant, so that other uses of the seed differ
         front, bin = self._bins[0]
         back = number >= front
@@ -265,7 +265,7 @@ class _DomeLighting:
         return rotate_z(local, self._turn), ratio * radiance, self._mi.Float(INFINITE_DISTANCE), density, ()
 
     def _density(self, local: Vector3f, radiance: Color3f) -> Float:
-        """Return the density of all directions drawn from the dome; `local` is a direction in its axes."""
+        """Return the density of all directions drawn from the dome; `local` is a direction in the dome's axes."""
         total = self._mi.Float(0.0)
         for count, bin in self._bins:
             total += self._mi.Float(count) * bin.pdf(local, radiance)

@@ -27,7 +27,7 @@ _MAX_LAUNCH_SAMPLES = 1 << 22  # the most samples in a launch of a kernel
 
 
 class Features:
-    """Renders passes from the surfaces that the camera sees; `bounces` limits how many it sees through."""
+    """Renders passes from the surfaces that the camera sees, through at most `bounces` other surfaces."""
 
     def __init__(self, looks: SceneLooks, bounces: int) -> None:
         self._mi, self._geometry, self._looks, self._bounces = looks.mi, looks.geometry, looks, bounces
@@ -48,8 +48,8 @@ class Features:
     def _first_hits(self, view: KernelView, first: int, count: int, size: int) -> tuple[UInt, UV, Ray3f, Bool]:
         """Return triangles, barycentric coordinates, rays and hit masks of samples.
 
-        `first` is the number of the first pixel, `count` the number of pixels, `size` the number of samples per pixel,
-        a power of two.
+        `first` is the number of the first pixel, and `count` is the number of pixels. `size` is the number of samples
+        per pixel, a power of two.
         """
         mi = self._mi
         lane = dr.arange(mi.UInt32, count * size)
@@ -57,7 +57,7 @@ class Features:
         return view.first_hits(mi, self._geometry, pixel, lane & (size - 1), sobol.hash_integers(pixel))[:4]
 
     def center_passes(self, view: KernelView, task: FrameTask) -> dict[str, Floats32]:
-        """Return those of `CENTER_PASSES` that a task requests, by name, (H, W, channels) each."""
+        """Return the passes in `CENTER_PASSES` that a task requests, by name, (H, W, channels) each."""
         mi, requested = self._mi, CENTER_PASSES.intersection(task.scene.sampling.passes)
         pixel = dr.arange(mi.UInt32, view.width * view.height)
         row = pixel // view.width
@@ -133,7 +133,7 @@ class Features:
     def _hits_in_depth(
         self, view: KernelView, first: int, count: int, size: int
     ) -> Iterator[tuple[Ints, Ints, Floats]]:
-        """Yield the surfaces along camera rays, from the first to the last that is visible through those before.
+        """Yield the surfaces along camera rays: the first surface, then surfaces that are seen through others.
 
         Each item has three arrays over samples: the number of the instance, the number of the source (the code of a
         look), and the visible share of the surface.

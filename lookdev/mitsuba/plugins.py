@@ -1,7 +1,8 @@
-"""BSDF plug-ins for scenes of Mitsuba users (Jakob et al. 2022): one for each model, as ``lookdev_disney``, and looks.
+"""BSDF plug-ins for scenes of Mitsuba users (Jakob et al. 2022): one for each model, and one for looks.
 
-The numbers of a plug-in are inputs of its kernels: `mitsuba.traverse` lists them, and they are differentiable. The
-densities of sampled directions are not differentiated.
+The plug-in of a model has a name such as ``lookdev_disney``. The numbers of a plug-in are inputs of its kernels:
+`mitsuba.traverse` lists these inputs, and they are differentiable. The densities of sampled directions are not
+differentiated.
 
 `mi` is Mitsuba in the user's current variant. A program is the code of a look, generated from its model
 (`lookdev.mitsuba.programs`).
@@ -90,8 +91,9 @@ def _constant(value: object, parameter: Parameter) -> Any:
 def _create_bsdf(properties: Properties, look: Look, textures: Mapping[str, tuple[Texture, Parameter]]) -> BSDF:
     """Return the BSDF of a look.
 
-    Its stated constants are live inputs: arguments of the program, not numbers in it. `textures` has Mitsuba's textures
-    that replace some of these, and the parameters that they set, by the names of live inputs.
+    The stated constants of the look are live inputs: arguments of the program, not numbers in it. Textures of Mitsuba
+    can replace live inputs. `textures` has these textures, with the parameters that they set, by the names of the live
+    inputs.
     """
     live = stated_constants(look)
     source = generate_program(look, image_file, live=live)
@@ -101,17 +103,17 @@ def _create_bsdf(properties: Properties, look: Look, textures: Mapping[str, tupl
 
 @cache
 def _bsdf_class(variant: str) -> Callable[..., BSDF]:
-    """Return the BSDF class for a variant, which must be the current one: each variant has its own base class."""
+    """Return the BSDF class for the current variant, `variant`. Each variant has a base class of its own."""
 
     base: Any = mi.BSDF
 
     class LookBSDF(base):  # type: ignore[misc]
-        """A BSDF that evaluates and samples by the program of a look. Methods are those of `mitsuba.BSDF`.
+        """A BSDF that evaluates and samples by the program of a look. The methods are as in `mitsuba.BSDF`.
 
         `numbers` has the values of live inputs by name. A texture in `textures` replaces the number with its name.
 
-        As in Mitsuba, `si` is the surface interaction, and its `wi` the direction to the viewer. The program calls this
-        direction `wo`. The program's `wi` is the direction of the light, which Mitsuba calls `wo`.
+        As in Mitsuba, `si` is the surface interaction, and `si.wi` is the direction to the viewer. The program calls
+        this direction `wo`. The program's `wi` is the direction of the light, which Mitsuba calls `wo`.
         """
 
         def __init__(
@@ -208,10 +210,11 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
             return value & valid, dr.detach(dr.select(valid, pdf, 0.0))
 
         def _evaluation(self, si: Any) -> tuple[Evaluation, Callable[[Vector3f], Vector3f]]:
-            """Return the program at points, and a function between directions in Mitsuba's frame and in the program's.
+            """Return the program at points, and a function that maps directions between two shading frames.
 
-            The function maps both ways, as it is its own inverse. Where the surface is seen from behind, the program's
-            frame is Mitsuba's, rotated by 180 degrees about its tangent. Elsewhere, both are equal.
+            The frames are Mitsuba's and the program's. The function maps both ways, as it is its own inverse. Where the
+            surface is seen from behind, the program's frame is Mitsuba's frame, rotated by 180 degrees about the
+            tangent. Elsewhere, both frames are equal.
             """
             turn = dr.select(si.wi.z < 0.0, mi.Float(-1.0), mi.Float(1.0))
 

@@ -1,7 +1,8 @@
 """Runs the programs of looks and lights on Dr.Jit's arrays, which traces and compiles them as parts of a kernel.
 
 A program is a list of operations on numbers (`lookdev.codegen.source.ProgramSource`). An operation reads the results of
-earlier ones, by their numbers in the list. Inputs are symbols with names; outputs are groups of results with names.
+earlier operations, by their numbers in the list. Inputs are symbols with names; outputs are groups of results with
+names.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
     "logical_not": lambda a: ~a,
     "where": dr.select,
 }
-"""The functions of the operations that `lookdev.codegen.trace` traces, by the names of these in NumPy."""
+"""The functions of the operations that `lookdev.codegen.trace` traces, by the names that NumPy has for them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,11 +64,11 @@ class Program:
     """A program, with its constants and tables as arrays of Dr.Jit."""
 
     operations: Sequence[ProgramOperation]
-    outputs: Mapping[str, tuple[int, ...]]  # by name: the numbers of the operations with its elements
+    outputs: Mapping[str, tuple[int, ...]]  # the operations that compute the elements of each output, by its name
     number: type[Float]  # the type of all numbers, a float type of Dr.Jit
     constants: Sequence[Float] = ()
     tables: Sequence[Float] = ()
-    needs: Mapping[str, tuple[int, ...]] = field(init=False)  # by output: the operations on which it depends, in order
+    needs: Mapping[str, tuple[int, ...]] = field(init=False)  # all operations that each output depends on, in order
     varying: frozenset[int] = field(init=False)  # the operations that depend on a symbol in `VARYING`
 
     def __post_init__(self) -> None:
@@ -81,7 +82,7 @@ class Program:
 
 
 def _dependencies(operations: Sequence[ProgramOperation], roots: Sequence[int]) -> tuple[int, ...]:
-    """Return the numbers of the operations on which the `roots` depend, roots included, in ascending order."""
+    """Return the numbers of the operations that the `roots` depend on, roots included, in ascending order."""
     reached: set[int] = set()
     pending = list(roots)
     while pending:
@@ -107,7 +108,7 @@ class Evaluation:
         return name in self._program.needs
 
     def values(self, name: str, **inputs: AnyArray) -> tuple[Float, ...]:
-        """Return the elements of an output. `inputs` are the values of those symbols that vary between directions."""
+        """Return the elements of an output. `inputs` has the values of the symbols that vary between directions."""
         program = self._program
         local: dict[int, Any] = {}
         for number in program.needs[name]:

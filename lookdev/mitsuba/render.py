@@ -59,7 +59,7 @@ class MitsubaScene:
             self._geometry = Geometry(mi, read_asset(task.asset.path))
         self._geometry.assign_looks(task.slot_shaders, task.groups)
         looks = self._looks = SceneLooks(mi, task, self._geometry)
-        # The last part of each set is not recorded, because it is the beauty minus the others.
+        # The last part of each set is not recorded, because it is the beauty minus the other parts.
         self._recorded = [name for parts in task.part_sets for name in parts[:-1]]
         light = scene_lights(mi, task, self._geometry)
         self._features = Features(looks, task.sampling.bounces)
@@ -84,7 +84,7 @@ class MitsubaScene:
         return replace(task, sampling=sampling, camera=camera, resolution=scene.resolution) == scene
 
     def update(self, task: SceneTask) -> bool:
-        """Change to a task that differs only in constants of looks; for others, change nothing and return False."""
+        """Change to a task that differs only in constants of looks; for other tasks, do nothing and return False."""
         if len(task.shaders) != len(self._task.shaders) or not self.matches(replace(task, shaders=self._task.shaders)):
             return False
         if not self._looks.update(task):
@@ -122,8 +122,8 @@ class MitsubaScene:
     def _light_parts(self, task: SceneTask, means: Floats) -> dict[str, Floats32]:
         """Return the parts of the light by name, (H, W, 3) each.
 
-        `means` (H, W, 4 + 3 n) are over samples: three channels of colour, the coverage, and three of each recorded
-        part.
+        `means` (H, W, 4 + 3 n) are means over samples: three channels of colour, the coverage, and three channels of
+        each of the n recorded parts.
         """
         recorded = {name: means[..., 4 + 3 * n : 7 + 3 * n] for n, name in enumerate(self._recorded)}
         parts = task.complete_parts(recorded, means[..., :3])
@@ -187,7 +187,7 @@ class MitsubaScene:
             first += count
 
     def _denoiser(self, view: KernelView, samples: int) -> Denoiser:
-        """Return a denoiser that the albedos and normals of the view guide; `samples` are those of the task."""
+        """Return a denoiser that the albedos and normals of the view guide; `samples` is the task's sample count."""
         return make_denoiser(*self._features.guides(view), quick=samples <= _QUICK_FILTER_SAMPLES)
 
 

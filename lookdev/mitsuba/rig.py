@@ -2,8 +2,8 @@
 
 To draw a direction, one light is selected at random. Its probability is in proportion to a weight, which estimates the
 irradiance from the light at the point. In front of the surface and behind it, the weights of a light differ, and
-directions are drawn on each side separately. `w` and `n` are a direction and a normal in world space, `local` a
-direction in the axes of a light, and `p` a point in the frame of a light.
+directions are drawn on each side separately. `w` is a direction and `n` is a normal in world space. `local` is a
+direction in the axes of a light, and `p` is a point in the frame of a light.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def scene_lights(mi: Mitsuba, task: SceneTask, geometry: Geometry) -> SceneLight
 
 
 class RigSampler(SceneLights):
-    """The lamps and domes of a rig; `center` (3,) is that of the geometry."""
+    """The lamps and domes of a rig; `center` (3,) is the centre of the geometry."""
 
     def __init__(self, mi: Mitsuba, task: SceneTask, center: Floats) -> None:
         lights, links = task.lights, task.shader_lights
@@ -63,7 +63,7 @@ class RigSampler(SceneLights):
         link_table = np.array([[n in numbers for n in order] for numbers in links], np.bool_) if links else None
 
         def links_of(part: slice) -> Bools | None:
-            """Return the links of some rows: whether each source is reached by each of these lights."""
+            """Return the links of some rows: whether each of these lights reaches each source."""
             return None if link_table is None else link_table[:, part]
 
         count = len(rig.lamps)
@@ -98,7 +98,7 @@ class RigSampler(SceneLights):
         return [light[0] for light in radiance], hidden
 
     def zero_light(self) -> list[Arriving]:
-        """Return zero light, as a list like that of `split_by_group`."""
+        """Return zero light, as a list like the result of `split_by_group`."""
         return [(self._mi.Color3f(0.0), self._mi.Color3f(0.0)) for _ in range(1 + self.groups)]
 
 
@@ -172,7 +172,7 @@ class _RigLighting:
         self._bins = [self._side_bins(dome) for dome in rig.domes]
         domes = [*enumerate(rig.domes)]
         self._dome_points = {n: self._frames.point(dome, dome.first) for n, dome in domes if dome.is_local}
-        # The share of a dome's light that arrives at the point: that of a local dome fades towards its radius.
+        # The share of a dome's light that arrives at the point. The light of a local dome fades towards its radius.
         self._shares = [
             dome.ball("share", p=self._dome_points[n])[0] if dome.is_local else mi.Float(1.0) for n, dome in domes
         ]
@@ -192,8 +192,8 @@ class _RigLighting:
         weight = dome.mean * math.pi
         if dome.map.sampled:
             scale = self._bins[number][side].scale
-            # 1 / scale is the integral of the map: times the widened cosine of the bin or, for a local dome, alone. The
-            # mean irradiance of a surface, over its orientations, is a quarter of the latter.
+            # 1 / scale is the integral of the map times the widened cosine of the bin. For a local dome, it is the
+            # integral of the map alone. The mean irradiance of a surface, over its orientations, is a quarter of that.
             factor = 0.25 * self._shares[number] if dome.is_local else 1.0
             weight = dr.select(scale > 0.0, factor * dome.mean / scale, 0.0)
         return weight * dome.link_of(dome.first, self._surface.source)
@@ -224,7 +224,7 @@ class _RigLighting:
         return total
 
     def _drawn_counts(self, weight_of: Callable[[int], Float]) -> list[Float]:
-        """Return for each side the expected number of directions drawn from a light.
+        """Return the expected number of directions drawn from a light, for each side.
 
         `weight_of` returns the weight of the light on a side.
         """
@@ -234,12 +234,12 @@ class _RigLighting:
         ]
 
     def _lamp_density(self, lamps: Lamps, lamp: UInt, pdf: Float) -> Float:
-        """Return the density of all directions drawn from a lamp; `pdf` is that of one direction."""
+        """Return the density of all directions drawn from a lamp; `pdf` is the density of one direction."""
         counts = self._drawn_counts(lambda side: self._lamp_weight(lamps, lamp, self._sides[side]))
         return sum(counts, self._mi.Float(0.0)) * pdf
 
     def _dome_density(self, number: int, local: Vector3f, w: Vector3f, radiance: Color3f) -> Float:
-        """Return the density of all directions drawn from a dome, at direction `w`, which is `local` in its axes."""
+        """Return the density, at direction `w`, of all directions drawn from a dome; `local` is `w` in its axes."""
         if self._rig.domes[number].map.sampled:
             pdfs = [bin.pdf(local, radiance) for bin in self._bins[number]]
         else:
@@ -271,7 +271,7 @@ class _RigLighting:
     ) -> list[Arriving]:
         """Return the light of lamps or domes that reaches the surface, as `split_by_group`.
 
-        `light` is the light without links and occluders, `distance` that of the lights.
+        `light` is the light without links and occluders, and `distance` is the distance of the lamps or domes.
         """
         light = light * lights.link_of(lamp, self._surface.source)
         controls = self._rig.controls(lights, lamp)
@@ -284,7 +284,8 @@ class _RigLighting:
         density_factor: Float | float = 1.0
         if dome.is_local:
             point = self._dome_points[number]
-            # The factor is the solid angle of the map over that at the point; the field b is the radius of the ball.
+            # The factor is the ratio of the solid angle in the map to the solid angle at the point. The field b is the
+            # radius of the ball.
             inside, distance, density_factor = dome.ball("meet", p=point, w=local)
             map_direction = (point + distance * local) / dome.field(dome.first, "b")
             active = active & (inside > 0.0)
@@ -307,7 +308,7 @@ class _RigLighting:
         return total
 
     def draw(self, index: UInt, number: UInt, seed: UInt, active: Bool) -> LightSample:
-        """Draw a direction, as `Lighting.draw`: those with the first numbers in front, the others behind."""
+        """Draw a direction, as `Lighting.draw`. The first directions are in front of the surface, the others behind."""
         mi = self._mi
         front = self._counts[0]
         back = (number >= front) if len(self._sides) > 1 else mi.Bool(False)
@@ -317,8 +318,9 @@ class _RigLighting:
             mi.Float, sample, sobol.hash_integers(seed + 0x1B873593 + dr.select(back, mi.UInt32(1), 0))
         )
         target = u1 * dr.select(back, self._side_sums[-1], self._side_sums[0])
-        # The weights of the lights are consecutive intervals. The light is selected whose interval contains the target.
-        # The position of the target in the interval, clipped to [0, 1), is the first random number for that light.
+        # The weights of the lights are the lengths of consecutive intervals. The interval that contains the target
+        # selects the light. The position of the target in the interval, clipped to [0, 1), is the first random number
+        # for that light.
         end = mi.Float(0.0)
         none = self._rig.no_controls
         result = (mi.Vector3f(0.0, 0.0, 1.0), mi.Color3f(0.0), mi.Float(INFINITE_DISTANCE), mi.Float(0.0), none)
@@ -345,8 +347,8 @@ class _RigLighting:
     ) -> tuple[UInt, Float, Float, Float]:
         """Return the lamp whose interval of weights contains `target`, and the start and the length of the interval.
 
-        The length is 0 if no interval contains it. The intervals of these lamps start at `begin`; their end is returned
-        last.
+        If no interval contains `target`, the length is 0. The intervals of these lamps start at `begin`. The last
+        returned value is the end of the last interval.
         """
         mi = self._mi
         selected, start, length = mi.UInt32(0), mi.Float(0.0), mi.Float(0.0)

@@ -1,8 +1,8 @@
 """Random numbers and Owen-scrambled Sobol points on Dr.Jit's arrays of 32-bit integers.
 
-For equal seeds, the points are those of `lookdev/shaders/sobol.h`. They are computed, not looked up. Scrambling follows
-Laine and Karras 2011 with the constants of Vegdahl 2021. The shuffling of indices follows Burley 2020 ("Practical
-Hash-based Owen Scrambling").
+For equal seeds, the points are the same as in `lookdev/shaders/sobol.h`. They are computed, not looked up. Scrambling
+follows Laine and Karras 2011 with the constants of Vegdahl 2021. The shuffling of indices follows Burley 2020
+("Practical Hash-based Owen Scrambling").
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ def random(kind: type[Float], seed: UInt) -> Float:
 def points(kind: type[Float], index: UInt, seed: UInt) -> tuple[Float, Float]:
     """Return the point with an index in the sequence that a seed scrambles: two numbers in [0, 1).
 
-    Before they are scrambled, the bits of the first coordinate are those of the shuffled index i, in reverse order. The
-    bits of the second coordinate are those of p, in reverse order: the product of the second generator matrix, Pascal's
-    triangle modulo 2, and the bits of i.
+    Let i be the shuffled index. Let p be the product of the second generator matrix, which is Pascal's triangle modulo
+    2, and the bits of i. Before the scrambling, the first coordinate has the bits of i in reverse order, and the second
+    coordinate has the bits of p in reverse order.
     """
     i = dr.brev(_laine_karras(dr.brev(index), seed))
     p = i ^ (i >> 16)

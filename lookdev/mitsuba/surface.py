@@ -1,9 +1,9 @@
 """Surfaces at the hits of rays: the shading frame there, and the BSDF of the triangle's look.
 
 A look is a program (`lookdev.mitsuba.programs`), which computes the frame, the response to light, and sampled
-directions. In this module, `wi` is the direction of light and `wo` the direction to the viewer, both in the shading
+directions. In this module, `wi` is the direction of light and `wo` is the direction to the viewer, both in the shading
 frame; `w` is a direction in world space. A delta direction is a single direction of light to which the BSDF responds,
-such as that of a mirror reflection.
+such as the direction of a mirror reflection.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _Result = TypeVar("_Result")
 class SceneLooks:
     """The looks of a scene in a variant's arrays.
 
-    Constants of looks are inputs of kernels, so a kernel need not be compiled again if they change. `inputs` has values
-    of attributes that are the same everywhere, by the attributes' parameters.
+    Constants of looks are inputs of kernels, so a kernel need not be compiled again if they change. `inputs` has the
+    values of attributes that are the same everywhere, by `AttributeBinding.parameter`.
 
     Attributes
     ----------
     sources, programs, images
-        For each distinct program: its source, the program, and its images by name.
+        Lists with an entry for each distinct program: its source, the program, and its images by name.
     transmits, see_through
         Whether some look transmits light, and whether the presence of some look is below 1.
     deltas
@@ -52,7 +52,7 @@ class SceneLooks:
     ) -> None:
         self.mi, self.inputs, self.geometry = mi, inputs, geometry
         sources, numbers = _distinct_sources(task)
-        self._numbers = device_array(mi.UInt32, numbers)  # by the task's source: the number of its program
+        self._numbers = device_array(mi.UInt32, numbers)  # the number of the program of each source of the task
         self.sources = sources
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{image.name: Images(mi, image) for image in source.look_ups} for source in sources]
@@ -66,9 +66,9 @@ class SceneLooks:
                     geometry.attribute(binding)
 
     def update(self, task: SceneTask) -> bool:
-        """Set the constants to those of another task, and return True, if its sources differ only in constants.
+        """Change to the constants of another task, if its sources differ only in constants; return whether they do.
 
-        Otherwise change nothing, and return False.
+        Otherwise nothing changes.
         """
         updated, numbers = _distinct_sources(task)
         if numbers != self._numbers.numpy().tolist() or len(updated) != len(self.sources):
@@ -91,7 +91,7 @@ class SceneLooks:
 
 
 def _distinct_sources(task: SceneTask) -> tuple[list[ProgramSource], list[int]]:
-    """Return the sources of a task without duplicates, and for each source of the task its number among these.
+    """Return the sources of a task without duplicates, and the number of each source of the task among them.
 
     A task has duplicates where different lights reach slots with the same look.
     """
@@ -114,8 +114,9 @@ def _program(mi: Mitsuba, source: ProgramSource) -> Program:
 class Response:
     """The response of a surface to light from a direction.
 
-    `whole` is the BSDF times the cosine, and the part of that from diffuse lobes. The latter counts only if `split`,
-    which means that diffuse and specular lobes receive different light. `parts` has the same pairs for groups of lobes.
+    `whole` is a pair: the BSDF times the cosine, and the part of this product from diffuse lobes. The diffuse part
+    counts only if `split`, which means that diffuse and specular lobes receive different light. `parts` has such a pair
+    for each group of lobes.
     """
 
     def __init__(self, whole: tuple[Color3f, Color3f], parts: list[tuple[Color3f, Color3f]], split: bool) -> None:
@@ -123,7 +124,7 @@ class Response:
         self._parts, self._split = parts, split
 
     def to(self, arriving: Arriving) -> Color3f:
-        """Return the light that the surface reflects of the arriving light."""
+        """Return the light that the surface reflects, from the light that arrives."""
         return self._reflect_light((self.value, self.diffuse), arriving)
 
     def parts_to(self, arriving: Arriving) -> list[Color3f]:
@@ -136,7 +137,7 @@ class Response:
         return [dr.select(self.value > 0.0, value / safe, 0.0) for value, _ in self._parts]
 
     def _reflect_light(self, part: tuple[Color3f, Color3f], arriving: Arriving) -> Color3f:
-        """Return the light that a pair of value and diffuse part reflects."""
+        """Return the reflected light; `part` is a pair of a BSDF times the cosine, and its diffuse part."""
         value, diffuse = part
         specular_light, diffuse_light = arriving
         if not self._split:
@@ -186,10 +187,10 @@ class SurfacePoints:
         return self.looks.geometry.look_of(self.triangle)
 
     def respond(self, wi: Vector3f, active: Bool, split: bool, groups: Sequence[str]) -> tuple[list[Response], Float]:
-        """Return the response to light from directions in the shading frame, and the pdf of `draw` for these.
+        """Return the response to light from directions in the shading frame, and the pdf with which `draw` draws them.
 
-        Further responses in the list are derivatives of the first. A response has a diffuse part if light is `split`,
-        and a part for each of the `groups` of lobes.
+        Further responses in the list are derivatives of the first response. A response has a diffuse part if light is
+        `split`, and a part for each of the `groups` of lobes.
         """
         mi = self.looks.mi
 
@@ -229,7 +230,7 @@ class SurfacePoints:
     def delta(self, number: int) -> tuple[Vector3f, Dual, Float]:
         """Return a delta direction in the shading frame, the factor of light from there, and its group of lobes.
 
-        The factor is 0 where the look has no delta of this number. The group is an index into `LOBE_GROUPS`.
+        The factor is 0 where the look has no delta direction of this number. The group is an index into `LOBE_GROUPS`.
         """
         mi = self.looks.mi
 

@@ -32,7 +32,7 @@ else:  # Dr.Jit evaluates the annotations of dataclasses at run time, so the nam
 
 
 class TracedScene(Protocol):
-    """A scene of Mitsuba, with which rays are intersected."""
+    """A scene of Mitsuba that intersects rays."""
 
     def ray_intersect_preliminary(self, ray: Ray3f, *, coherent: bool, active: Bool | bool) -> Intersection: ...
 

@@ -22,14 +22,14 @@ from lookdev.scene import Camera, Pose
 class KernelView:
     """The camera and the rotations of the lights in a pose. Points are relative to the centre of the geometry.
 
-    The asset is fixed: instead of a turn of the asset, camera and lights turn backwards.
+    The asset is fixed: the camera and the lights turn backwards instead.
     """
 
-    origin: Vector3f  # of the camera
+    origin: Vector3f  # the position of the camera
     right: Vector3f  # from the centre of the frame to its right edge, at depth 1
     up: Vector3f  # from the centre of the frame to its upper edge, at depth 1
     back: Vector3f  # from the centre of the frame, at depth 1, to the camera; a shift of the lens moves that centre
-    turns: Vector2f  # radians about z: of lights that turn with the rig, and of those that do not
+    turns: Vector2f  # rotations about z, radians: of lights that turn with the rig, and of all other lights
     width: int  # pixels
     height: int
     aperture: float  # diameter of the lens in metres; 0 for a pinhole
@@ -38,7 +38,7 @@ class KernelView:
 
     @classmethod
     def of(cls, mi: Mitsuba, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Floats) -> KernelView:
-        """Return the view of a pose (`lookdev.scene.Pose`); `center` (3,) is that of the geometry."""
+        """Return the view of a pose (`lookdev.scene.Pose`); `center` (3,) is the centre of the geometry."""
         orbited = camera.orbit(-pose.element)
         right, up, back = orbited.frame
         width, height = resolution

@@ -3,10 +3,10 @@
 A renderer calls `next_round` until it returns no more regions (`lookdev.rendering.frame`). A frame is the mean of two
 independent halves, and a round adds samples to both.
 
-The rectangles of one half are planned from the other half. Where the other half's rounds over the whole frame differ
-much in a pixel, the variance of the pixel is large. Besides, the plan depends only on figures of the whole frame: its
-samples, its error, the target. The samples of a pixel in one half therefore do not depend on the colours of that half,
-and the mean of rounds, weighted by their samples, remains unbiased. (A half that planned its own rectangles would take
+The rectangles of one half are planned from the variance of each pixel in the other half. This variance is measured
+between rounds over the whole frame. Besides, the plan depends only on figures of the whole frame: its samples, its
+error, the target. The number of samples of a pixel in one half therefore does not depend on the colours of that half.
+The mean of rounds, weighted by their samples, thus remains unbiased. (A half that planned its own rectangles would take
 few samples where its colours happen to be dark.)
 
 The number of samples per pixel of a rectangle is a power of two, because only such blocks of samples are stratified.
@@ -32,7 +32,7 @@ _LEAST_GROWTH = 0.05  # a round over rectangles adds at least this share of a ha
 _LAST_ROUND = 24  # from this round on, each round doubles the samples, so that the seeds of a frame suffice
 _TILE_SIDE, _TILES_PER_SIDE = 16, 32  # the least pixels along a side of a tile; the most tiles along a side of a frame
 _CALL_COST = 1024.0  # the time of a call of the renderer, over the time of one sample of a pixel on the asset
-_BACKGROUND_COST = 0.1  # the time of a sample of a pixel without the asset, over that of a pixel on the asset
+_BACKGROUND_COST = 0.1  # the time of a sample outside the asset, over the time of a sample on the asset
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Region:
     rows: slice
     columns: slice
     samples: int
-    is_whole_frame: bool = False  # in a round over the whole frame, which also updates the variance of each pixel
+    is_whole_frame: bool = False  # whether the round is over the whole frame, and updates the variance of each pixel
 
 
 Round = tuple[tuple[Region, ...], tuple[Region, ...]]
@@ -59,9 +59,9 @@ class Half:
     colors: Floats = field(init=False)  # (H, W, 3), sum over samples
     coverage: Floats = field(init=False)  # (H, W), sum over samples
     samples: Floats = field(init=False)  # (H, W), number of samples
-    # (H, W, 3), over the rounds over the whole frame: squared deviations of their means, weighted by samples.
+    # (H, W, 3), sum over the rounds over the whole frame: the squared deviation of a round's mean, times its samples.
     spread: Floats = field(init=False)
-    # Parts of the light, such as that of one light, by name: each (H, W, 3), sum over samples.
+    # Parts of the colours by name, such as the contribution of one light: each (H, W, 3), sum over samples.
     parts: dict[str, Floats] = field(default_factory=dict)
     whole_rounds: int = 0  # number of rounds over the whole frame
 
@@ -109,7 +109,7 @@ class Half:
 
 
 def mean_samples(halves: Sequence[Half]) -> float:
-    """Return the mean samples per half and pixel of the asset; per pixel of the frame if the asset is not seen."""
+    """Return the mean samples per pixel of a half, over the pixels of the asset; over all pixels if it is not seen."""
     covered = np.any([half.coverage > 0.0 for half in halves], axis=0)
     total = np.mean([half.samples for half in halves], axis=0)
     return float(np.mean(total[covered] if covered.any() else total))
@@ -122,7 +122,8 @@ def next_round(sampling: Sampling, halves: tuple[Half, Half], rounds: int, error
     to the samples of the job. With a target error, rounds over the whole frame double the samples until the target is
     near. Rounds over rectangles follow.
 
-    rounds : the number of rounds so far; error : the estimated relMSE after these, infinite before the first round.
+    rounds : the number of rounds so far; error : the relMSE that is estimated after these rounds, infinite before the
+    first round.
     """
     (first, second), target, limit = halves, sampling.error, sampling.samples // 2
     current = mean_samples(halves)
@@ -150,13 +151,13 @@ def _whole_frame(half: Half, samples: int, *, is_whole_frame: bool = False) -> R
 def plan_regions(half: Half, other: Half, ratio: float, min_samples: float, max_samples: float) -> tuple[Region, ...]:
     """Return the regions of a half that bring its error to `ratio` of the present one, at the least cost.
 
-    The error of `half` is taken from the `other` half. Render time has a price, in error per sample of a pixel. For a
-    given price, each rectangle takes the number of samples with the least cost: its remaining error plus the price of
-    its render time. A rectangle is split in two if the two cost less, calls of the renderer included. A high price
-    gives few samples.
+    The error of `half` is taken from the `other` half. Render time has a price, in error per sample of a pixel. The
+    cost of a rectangle is its remaining error plus the price of its render time. For a given price, each rectangle
+    takes the number of samples with the least cost. A rectangle is split in two if the two together cost less, calls of
+    the renderer included. A high price gives few samples.
 
-    The price is the highest one for which the error reaches the ratio and the mean samples per pixel of the asset are
-    at least `min_samples`. If these samples exceed `max_samples`, it is the lowest price for which they do not.
+    The price is the highest price for which the error reaches the ratio and the mean samples per pixel of the asset are
+    at least `min_samples`. If these samples exceed `max_samples`, the price is the lowest for which they do not.
     """
     tree = _Tree(half, other, max_samples)
     error = tree.remaining_error[0, 0]
@@ -170,8 +171,8 @@ def plan_regions(half: Half, other: Half, ratio: float, min_samples: float, max_
     def is_affordable(price: float) -> bool:
         return tree.cut(2.0**price).samples <= max_samples
 
-    # Prices are searched as base 2 logarithms, in a range about a usual price: the decrease of the frame's error by one
-    # more sample per pixel, over the time of that sample.
+    # Prices are searched as base 2 logarithms, in a range about a usual price. The usual price is the decrease of the
+    # frame's error by one more sample per pixel, over the time of that sample.
     usual_price = np.log2(error / (mean_samples((half,)) * tree.time[0]))
     price_range = usual_price - 30.0, usual_price + 10.0
     price = max(_bisect(*price_range, is_too_high)[0], _bisect(*price_range, is_affordable)[1])
@@ -218,14 +219,15 @@ class _Tree:
         self._sizes = np.array([0, *(2**power for power in range(int(most).bit_length()))])
         self.remaining_error = self._sums_of_boxes(error[..., None] / (samples[..., None] + self._sizes))
         self.time = self._sums_of_boxes(time)
-        self._share = self._sums_of_boxes(area) / max(covered.sum(), 1.0)  # of the asset's pixels, in each node
+        self._share = self._sums_of_boxes(area) / max(covered.sum(), 1.0)  # (nodes,): the share of the asset's pixels
 
     def cut(self, price: float) -> _Cut:
-        """Return the rectangles and samples for which the remaining error plus the price of the time is least."""
+        """Return the rectangles and samples with the least cost: the remaining error plus the price of the time."""
         costs = self.remaining_error + price * (self.time[:, None] * self._sizes + _CALL_COST * (self._sizes > 0))
         choice = costs.argmin(axis=1)
         least = costs[np.arange(len(choice)), choice]
-        # The parts of a rectangle have higher numbers than it, so they come first here. A choice of -1 is a split.
+        # The parts of a rectangle have higher numbers than the rectangle, so they come first here. A choice of -1 means
+        # that the rectangle is split.
         for node in reversed(range(len(least))):
             if parts := self._children[node]:
                 split_cost = least[parts[0]] + least[parts[1]]
@@ -264,15 +266,15 @@ class _Tree:
 
 
 def _tile_edges(size: int, side: int) -> Ints:
-    """Return the edges of tiles of `side` pixels along a frame's side of `size` pixels.
+    """Return the edges of tiles along a side of a frame; the side has `size` pixels, and a tile has `side` pixels.
 
-    The last tile is at least half as long as the others.
+    The last tile has at least half of these pixels.
     """
     return np.asarray([*range(0, size - side // 2, side), size] if size > side // 2 else [0, size])
 
 
 def _split_tiles(error: Floats, time: Floats) -> tuple[Ints, list[tuple[int, int] | None]]:
-    """Return the nodes of a tree: boxes (n, 4), and for each box the numbers of its two parts, or None for one tile.
+    """Return the nodes of a tree: boxes (n, 4), and the numbers of the two parts of each box, or None for one tile.
 
     A box is (top, bottom, left, right), edges counted in tiles. Box 0 is the whole frame. A box is split at the row or
     column for which the sum of ``sqrt(error * time)`` over the two parts is least: with the best number of samples in
@@ -307,7 +309,7 @@ def _split_tiles(error: Floats, time: Floats) -> tuple[Ints, list[tuple[int, int
 def _bisect(low: float, high: float, holds: Callable[[float], bool]) -> tuple[float, float]:
     """Return two numbers at most .05 apart, by bisection: `holds` is false at the first and true at the second.
 
-    This is assumed of `low` and `high`, not tested.
+    `holds` is assumed to be false at `low` and true at `high`; this is not tested.
     """
     while high - low > 0.05:
         middle = 0.5 * (low + high)

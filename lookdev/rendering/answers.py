@@ -1,7 +1,7 @@
 """The worker's side of its answers: a render worker writes one JSON object per line to standard output.
 
-Its parent process reads them by `lookdev.rendering.results`, which also defines their fields. The pixels of a frame go
-to a file; the answer has its path.
+The worker's parent process reads the answers by `lookdev.rendering.results`, which also defines their fields. The
+pixels of a frame go to a file; the answer has the file's path.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 class AnswerStream:
     """Standard output, reserved for answers.
 
-    From construction on, all else that this process writes to standard output goes to standard error.
+    Once an object of this class exists, everything else that this process writes to standard output goes to standard
+    error.
     """
 
     def __init__(self) -> None:
@@ -38,11 +39,11 @@ class AnswerStream:
         os.write(self._channel, (json.dumps(message) + "\n").encode())
 
     def send_ready(self, renderer: str) -> None:
-        """Report that the worker takes tasks, and the version of Blender, or ``"mitsuba"`` and its version."""
+        """Report that the worker takes tasks; `renderer` is Blender's version, or ``"mitsuba"`` and its version."""
         self.send(type="ready", blender=renderer)
 
     def send_progress(self, digest: str, samples: int, planned: int, relmse: float | None) -> None:
-        """Report how far the frame with a digest is: samples rendered, samples planned, and the relMSE so far."""
+        """Report the progress of a frame: the samples rendered, the samples planned, and the relMSE so far."""
         self.send(type="progress", digest=digest, samples=samples, of=planned, relmse=relmse)
 
     def send_frame(self, digest: str, frame: RenderedFrame, notes: Sequence[str] = ()) -> None:
@@ -58,16 +59,17 @@ class AnswerStream:
         self.send_arrays(digest, arrays, **figures)
 
     def send_arrays(self, digest: str, arrays: Mapping[str, Elements], **figures: object) -> None:
-        """Save arrays by name to a file in ``TMPDIR``, and report its path, the figures and the peak memory.
+        """Save arrays by name to a file in ``TMPDIR``, and report the file's path, the figures and the peak memory.
 
-        The parent removes the file. Raises OutputError where the file cannot be written, and leaves no part of it.
+        The parent removes the file. If the file cannot be written, raises OutputError, and leaves no part of the file.
         """
         self.send(type="done", digest=digest, arrays=save_arrays(arrays), memory=peak_memory(), **figures)
 
     def send_failure(self, digest: str, error: Exception) -> None:
         """Report why a frame cannot be rendered.
 
-        An OutputError, as of a full disk, is marked as `unwritable`: it would stop all other frames, too.
+        An OutputError, for example because of a full disk, is marked as `unwritable`: it would also stop all other
+        frames.
         """
         if isinstance(error, OutputError):
             self.send(type="failed", digest=digest, message=str(error), unwritable=True)
@@ -90,7 +92,10 @@ def save_arrays(arrays: Mapping[str, Elements]) -> str:
 
 
 def peak_memory(process: str = "self") -> int:
-    """Return the peak resident memory in bytes of a process, by its id. getrusage() would include the parent's."""
+    """Return the peak resident memory of a process in bytes. (getrusage() would include the parent's memory.)
+
+    `process` is the id of the process.
+    """
     status = Path(f"/proc/{process}/status").read_text()
     kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
     return 1024 * int(kilobytes)

@@ -69,8 +69,8 @@ class Backend:
     generate: Callable[[Look, SourceSetting], GeneratedSource]  # translates a look; raises CodegenError
     command: tuple[str, ...] = WORKER_COMMAND  # the worker's program and arguments
     devices: tuple[str, ...] = ("cpu",)  # the default first
-    look_gap: Callable[[Look], str | None] = lambda look: None  # returns why it cannot render a look; None if it can
-    exact: bool = False  # pictures agree with the published models; if not, they approximate them
+    look_gap: Callable[[Look], str | None] = lambda look: None  # the reason why it cannot render a look; None if it can
+    exact: bool = False  # whether pictures agree with the published models; otherwise they approximate the models
     in_jobs: bool = False  # a job may name the backend
     any_light: bool = False  # renders lights of every kind, by OSL
     light_gaps: Callable[[Sequence[Light]], Sequence[str]] = (
@@ -128,8 +128,9 @@ def _generate_principled(look: Look, setting: SourceSetting) -> GeneratedSource:
 def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
     """Return a sentence for each light that backend `nodes-exact` cannot render: all lamps, and some domes.
 
-    Rays in directions that are sampled from a model pass through lamps. The world counts the ray portals that a ray has
-    passed, to detect rays that left a surface. A lamp on the way is counted, too (`lookdev.codegen.nodes.exact`).
+    Rays in directions that are sampled from a model pass through lamps. The shader of the world counts the ray portals
+    that a ray has passed, to detect rays that left a surface. A lamp on the way is counted like a portal
+    (`lookdev.codegen.nodes.exact`).
     """
     lamps = [
         f"{light_label(light, number)}: the rays of this backend find no lamps, only domes"
@@ -141,7 +142,7 @@ def _lamp_gaps(lights: Sequence[Light]) -> Sequence[str]:
 
 
 def _one_dome_gaps(lights: Sequence[Light]) -> Sequence[str]:
-    """Return why backend `mitsuba-principled` cannot render lights: it renders one plain dome only."""
+    """Return why backend `mitsuba-principled` cannot render lights: the backend renders one plain dome only."""
     if len(lights) == 1 and lights[0].kind == "dome" and is_plain(lights[0]):
         return ()
     return ["the bench lights Mitsuba by one dome alone, in its own axes"]

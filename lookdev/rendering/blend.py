@@ -21,7 +21,8 @@ from lookdev.scene import Pose
 class BlendRig:
     """The lights of a rig.
 
-    `strength` multiplies their radiance. `turn` is an angle in degrees about z, added to the light's angle in a pose.
+    `strength` multiplies the radiance of all lights. `turn` is an angle in degrees about z, which is added to the
+    lighting angle of every pose.
     """
 
     name: str
@@ -48,10 +49,13 @@ class BlendImage:
 
 @dataclass(frozen=True)
 class BlendTask:
-    """The .blend file to write, and its content. Rigs and turntables are in the order of the job, at least one each."""
+    """The .blend file to write, and its content.
+
+    Rigs and turntables are in the order of the job. There is at least one of each.
+    """
 
     file: Path
-    scenes: Mapping[str, SceneTask]  # by the name of the look; sources are nodes, lights are those of the first rig
+    scenes: Mapping[str, SceneTask]  # by the name of the look; sources are nodes, and lights are from the first rig
     rigs: tuple[BlendRig, ...]
     turntables: tuple[BlendTurntable, ...]  # their frames are numbered consecutively from 1
     images: tuple[BlendImage, ...]

@@ -32,8 +32,8 @@ from lookdev.rendering.passes import CATCHER_ARRAYS
 def combine_catcher_halves(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
     """Return the colour of each half (H, W, 3), A + G - s B, and the alpha (H, W) of the frame.
 
-    The `color` of a half is A + G, its `alpha` a + g. Its parts are ``ground``: G, ``bare``: B, ``covered``: g, in each
-    of three channels.
+    The `color` of a half is A + G, and its `alpha` is a + g. Of its `parts`, ``ground`` is G, ``bare`` is B, and
+    ``covered`` is g in each of three channels.
     """
     ground, bare, ground_coverage = (
         0.5 * (_mean_part(first, name) + _mean_part(second, name)) for name in (*CATCHER_ARRAYS, "covered")
@@ -44,9 +44,9 @@ def combine_catcher_halves(first: Half, second: Half) -> tuple[Floats, Floats, F
 
 
 def remaining_share(ground: Floats, bare: Floats) -> Floats:
-    """Return the share s (...) of light `bare` (..., 3) that remains in every channel of `ground` (..., 3).
+    """Return the share s (...) of the light `bare` (..., 3) that remains in every channel of `ground` (..., 3).
 
-    The ratio of a channel where `bare` is 0 counts as 1.
+    ``...`` stands for the axes of the pixels. Where a channel of `bare` is 0, its ratio counts as 1.
     """
     ratio = np.divide(ground, bare, out=np.ones_like(bare), where=bare > 0.0)
     return np.asarray(np.clip(ratio.min(axis=-1), 0.0, 1.0))

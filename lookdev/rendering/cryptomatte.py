@@ -1,7 +1,7 @@
 """Cryptomatte: the coverage of named objects, materials or assets in each pixel.
 
 A matte stores, for each pixel, pairs of an id and a coverage. An id is a hash of a name, stored as the bits of a
-float32. Workers render mattes and rank their pairs by these functions; the writer of EXR files takes the header.
+float32. Workers render mattes and rank their pairs by these functions. The writer of EXR files uses `matte_header`.
 
 - Friedman, J. and Jones, A. 2015. Fully Automatic ID Mattes with Support for Motion Blur and Transparency. SIGGRAPH
   Posters. The specification, version 1.2, is by Psyop.
@@ -23,7 +23,10 @@ RANKS = 6
 
 
 def matte_samples(samples: int) -> int:
-    """Return the samples for a frame's mattes: half of the frame's, rounded up to a power of two from 16 to 4096."""
+    """Return the samples of a frame's mattes: half the frame's samples, as a power of two from 16 to 4096.
+
+    Half the samples are rounded up to a power of two.
+    """
     return min(max(16, 1 << (samples // 2 - 1).bit_length()), 4096)
 
 
@@ -49,7 +52,7 @@ def _rotate_left(value: int, bits: int) -> int:
 
 
 def matte_id(name: str) -> int:
-    """Return the id of a name: its hash, with a bit flipped if the bits are no finite float32, or a subnormal one."""
+    """Return the id of a name: its hash, with a bit flipped if the bits are not a finite, normal float32."""
     value = murmur3(name)
     return value ^ 1 << 23 if value >> 23 & 255 in (0, 255) else value
 
@@ -67,12 +70,12 @@ def matte_header(matte: str, names: Iterable[str]) -> dict[str, str]:
 
 
 def rename_ids(mattes: Floats32, names: Mapping[str, str]) -> Floats32:
-    """Return mattes whose ids of old names are replaced by those of new names. Other ids are left out.
+    """Return mattes in which the ids of old names are replaced by the ids of new names. Other ids are left out.
 
     Several old names may have the same new name: their coverages are summed up.
 
-    mattes : (H, W, 2 n), n pairs of id and coverage for each pixel; names : from old to new name. Returns mattes
-    (H, W, 2 `RANKS`), largest coverage first.
+    mattes : (H, W, 2 n), n pairs of id and coverage for each pixel; names : the new name of each old name. Returns
+    mattes (H, W, 2 `RANKS`), largest coverage first.
     """
     old = np.array([matte_id(name) for name in names], np.uint32)
     new = np.array([matte_id(name) for name in names.values()], np.uint32)
@@ -85,7 +88,7 @@ def rename_ids(mattes: Floats32, names: Mapping[str, str]) -> Floats32:
     is_listed = (old[index] == bits) & (coverage > 0.0)
     ids, coverage = np.where(is_listed, new[index], 0), np.where(is_listed, coverage, np.float32(0.0))
     ranked = np.zeros((*is_listed.shape[:2], RANKS, 2), np.float32)
-    # Most pixels have one id, or none: these are fast. The others are sorted.
+    # Most pixels have one id, or none. Only the other pixels are sorted, which is slow.
     largest = np.argmax(coverage, axis=-1)[..., None]
     ranked[..., 0, 0] = np.take_along_axis(ids, largest, -1)[..., 0].view(np.float32)
     ranked[..., 0, 1] = np.take_along_axis(coverage, largest, -1)[..., 0]

@@ -1,4 +1,4 @@
-"""Denoising of a frame: denoised pixels are mixed with raw ones, and the error of the result is measured.
+"""Denoising of a frame: denoised pixels are mixed with raw pixels, and the error of the result is measured.
 
 A frame is rendered as two independent halves of its samples, each a picture of the whole frame. The mixture prevents
 denoising from making a frame worse. `lookdev.rendering.frame` calls `denoise_halves` after each round of samples.
@@ -42,7 +42,7 @@ def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats
     """Denoise two independent renders a and b of equal cost, and measure the error of their mean.
 
     a, b : (H, W, 3), premultiplied; alpha : (H, W), only pixels with alpha > 0 are denoised and measured; smooth : the
-    denoiser D, which returns the denoised colours of a half.
+    denoiser D. It returns the denoised colours of a half.
 
     Each half is denoised by itself, so D(a) does not depend on the noise of b. Let m be the picture without noise and E
     the expectation over renders. The squared bias is ``E (D(a) - m) (D(b) - m)``, and the squared error is
@@ -85,7 +85,7 @@ def denoise_halves(a: Floats, b: Floats, alpha: Floats, smooth: Callable[[Floats
 def _mixed_and_raw_error(
     mixed_a: Floats, mixed_b: Floats, a: Floats, b: Floats, scale: Floats, covered: Bools
 ) -> tuple[float, float]:
-    """Return the relMSE of the mean of the mixed halves, and that of the raw halves.
+    """Return the relMSE of the mean of the mixed halves, and the relMSE of the mean of the raw halves.
 
     `scale` (H, W, 3) makes squared errors relative: it is 1 over the square of the colour. `covered` (H, W) selects
     the pixels on the asset.
@@ -100,7 +100,7 @@ def _mixed_and_raw_error(
 
 
 def _smooth_weight(smooth_a: Floats, smooth_b: Floats, a: Floats, b: Floats, scale: Floats, covered: Bools) -> Floats:
-    """Return the weight (H, W, 1) of the smooth halves for which the mixture with the raw halves has the least error.
+    """Return the weight (H, W, 1) of the smooth halves that gives the mixture with the raw halves the least error.
 
     `scale` and `covered` are as in `_mixed_and_raw_error`.
     """

@@ -1,6 +1,6 @@
-"""The task of a picture with its derivatives by parameters of looks.
+"""The task of a picture with its derivatives with respect to parameters of looks.
 
-A fit (`lookdev.fitting`) sends it to a worker of backend `mitsuba`.
+A fit (`lookdev.fitting`) sends this task to a worker of backend `mitsuba`.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ class DerivativeTask:
     scene: SceneTask
     pose: Pose
     values: Mapping[str, tuple[float, ...]]  # the value of each live input, by `AttributeBinding.parameter`
-    symbols: tuple[str, ...]  # the numbers by which the picture is differentiated, as `AttributeBinding.symbols`
+    symbols: tuple[str, ...]  # the picture is differentiated with respect to these, as in `AttributeBinding.symbols`
     samples: int  # per pixel of a half, a power of two
-    seeds: tuple[int, int]  # of the halves
+    seeds: tuple[int, int]  # the seed of each half
     digest: str  # identifies the task in the worker's answers
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The files that the worker writes: none, since it answers with arrays."""
+        """The files that the worker writes: there are none, since it answers with arrays."""
         return ()
 
 

@@ -30,28 +30,28 @@ Few suffice, because only edges, lenses and textures make these pictures noisy."
 
 @dataclass(frozen=True, eq=False)
 class RenderedFrame:
-    """The two independent halves of a frame, whose mean is the picture, and its passes. Row 0 is the top.
+    """A frame: its two independent halves, whose mean is the picture, and its passes. Row 0 is the top.
 
-    Colours are linear, premultiplied, and without exposure. A frame of the bench's Principled backends is a single
-    render: `a` and `b` are equal, and `relmse` is nan.
+    Colours are linear, premultiplied, and without exposure. Backends `principled` and `mitsuba-principled`, which only
+    the bench uses, render a frame once: `a` and `b` are equal, and `relmse` is nan.
     """
 
     a: Floats32  # (H, W, 3)
     b: Floats32  # (H, W, 3)
     alpha: Floats32  # (H, W)
     samples: int  # per pixel, over both halves
-    seconds: float  # of the worker's time
-    relmse: float  # of the mean of the halves, estimated from their difference
+    seconds: float  # the time that the worker took
+    relmse: float  # the error of the mean of the halves, estimated from their difference
     raw: Floats32 | None = None  # (H, W, 3), if the frame is denoised: the mean of the halves before denoising
     raw_relmse: float | None = None  # the relMSE of `raw`
     raw_seconds: float | None = None  # `seconds` without denoising and the pictures that guide it
     passes: Mapping[str, Floats32] = field(default_factory=dict)  # (H, W, channels), by the names of arrays
-    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # by cryptomatte: the names of its objects
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # the names of objects, by cryptomatte
 
     def with_passes(
         self, passes: Mapping[str, Floats32], names: Mapping[str, tuple[str, ...]], seconds: float
     ) -> RenderedFrame:
-        """Return the frame with further passes and with the names in its mattes; both took further seconds."""
+        """Return the frame with further passes and with the names in its mattes; `seconds` is added to its time."""
         raw_seconds = None if self.raw_seconds is None else self.raw_seconds + seconds
         passes = {**self.passes, **passes}
         return replace(self, passes=passes, names=names, seconds=self.seconds + seconds, raw_seconds=raw_seconds)
@@ -77,7 +77,7 @@ CombineHalves = Callable[[Half, Half], tuple[Floats, Floats, Floats]]
 
 
 def combine_halves(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
-    """Return the mean colours of each half, and the mean coverage of both as alpha: the usual `CombineHalves`."""
+    """Return the mean colours of each half, and the mean coverage of both as alpha: the default `CombineHalves`."""
     return first.color, second.color, 0.5 * (first.alpha + second.alpha)
 
 
@@ -140,7 +140,7 @@ def _mean_part(name: str, halves: Sequence[Half]) -> Floats32:
     """Return a part of the light of a frame, (H, W, 3), not denoised: the mean of both halves.
 
     If only one half has recorded the part, the result is its share of that half's light, times the light of the frame.
-    This result has a bias, half that of a quotient of two means; the bias decreases with the number of samples.
+    This result has half the bias of a quotient of two means. The bias decreases with the number of samples.
     """
     recorded = [half for half in halves if name in half.parts]
     means = [half.parts[name] / half.samples[..., None] for half in recorded]

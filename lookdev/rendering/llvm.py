@@ -28,7 +28,7 @@ _VERSION = re.compile(r"(?:libLLVM-|\.so\.)(\d+)")
 
 
 def check_device(device: str) -> None:
-    """Raise RenderError unless Mitsuba is installed and kernels for a device, ``"cpu"`` or ``"cuda"``, run here."""
+    """Raise RenderError if Mitsuba cannot compile kernels for a device, ``"cpu"`` or ``"cuda"``, on this machine."""
     if device == "cpu":
         find_llvm()
     elif (fault := gpu_fault()) is not None:

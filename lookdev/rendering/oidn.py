@@ -21,7 +21,7 @@ from lookdev.rendering.threads import usable_cores
 
 _CPU, _FLOAT3, _BALANCED = 1, 3, 5  # OIDN_DEVICE_TYPE_CPU, OIDN_FORMAT_FLOAT3, OIDN_QUALITY_BALANCED
 _POINTER, _SIZE, _TEXT = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
-# The functions of the library that are called here: the type of the result, and the types of the arguments.
+# The functions of the library that are called here, by name: the type of the result, and the types of the arguments.
 _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
     "oidnNewDevice": (_POINTER, [ctypes.c_int]),
     "oidnSetDeviceInt": (None, [_POINTER, _TEXT, ctypes.c_int]),

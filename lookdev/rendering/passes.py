@@ -20,7 +20,7 @@ class Pass:
 
     name: str
     help: str
-    arrays: Mapping[str, tuple[str, ...]]  # by the name of an array (H, W, channels): the EXR's names of its channels
+    arrays: Mapping[str, tuple[str, ...]]  # the names of the channels in the EXR, by the name of an array
     light: bool = False  # whether the arrays are parts of the beauty's light, so that exposure applies to them
 
 
@@ -30,7 +30,7 @@ def _data_pass(name: str, help: str, letters: str) -> Pass:
 
 
 def _light_pass(name: str, help: str, parts: Iterable[str]) -> Pass:
-    """Return a pass with an RGB array for each part of the light, by the names of the parts."""
+    """Return a pass with an RGB array for each part of the light; the arrays have the names of the parts."""
     return Pass(name, help, {part: tuple(f"{part}.{letter}" for letter in "RGB") for part in parts}, light=True)
 
 
@@ -40,7 +40,7 @@ def _matte_channels(name: str) -> tuple[str, ...]:
 
 
 MATTES = {kind: f"Crypto{kind.capitalize()}" for kind in ("object", "material", "asset")}
-"""The names of the cryptomattes. Their objects are the prims of the asset, its looks, or the assets of the scene."""
+"""The name of each cryptomatte, by what it covers: the prims of the asset, its looks, or the assets of the scene."""
 
 PASSES: dict[str, Pass] = {
     record.name: record
@@ -78,7 +78,7 @@ LIGHTS_PASS = "lights"
 
 
 def light_layer(group: str) -> str:
-    """Return the name of the array with the light of a group of lights; the layer in the EXR has the same name."""
+    """Return the name of the array that has the light of a group; the layer in the EXR has the same name."""
     return f"light_{group}"
 
 
@@ -93,7 +93,7 @@ def light_groups(lights: Sequence[Light]) -> tuple[str, ...]:
 def channels_of_passes(passes: Collection[str], groups: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
     """Return the channels of each array of some passes, by the array's name.
 
-    passes : names of passes; groups : the group of each light, for the pass `LIGHTS_PASS`.
+    passes : the names of the passes; groups : the name of each light's group, for the pass `LIGHTS_PASS`.
     """
     arrays = {name: channels for key in passes for name, channels in PASSES[key].arrays.items()}
     if LIGHTS_PASS in passes:
@@ -103,5 +103,5 @@ def channels_of_passes(passes: Collection[str], groups: Sequence[str] = ()) -> d
 
 
 def light_parts(passes: Iterable[str], groups: Sequence[str]) -> frozenset[str]:
-    """Return the names of those arrays of some passes that are parts of the beauty: exposure applies to them."""
+    """Return the names of the arrays in some passes that are parts of the beauty, so that exposure applies to them."""
     return frozenset(channels_of_passes([name for name in passes if PASSES[name].light], groups))

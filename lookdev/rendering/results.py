@@ -41,7 +41,7 @@ class ProgressMessage(BaseModel):
 
 
 class ResultMessage(BaseModel):
-    """A frame is rendered. Fields that are not commented are those of `RenderedFrame`."""
+    """A frame is rendered. Fields without a comment are as in `RenderedFrame`."""
 
     type: Literal["done"]
     digest: str
@@ -49,7 +49,7 @@ class ResultMessage(BaseModel):
     samples: int
     seconds: float
     relmse: float
-    memory: int  # peak of the worker so far, bytes
+    memory: int  # peak memory of the worker so far, in bytes
     notes: tuple[str, ...] = ()  # for the user
     raw_relmse: float | None = None
     raw_seconds: float | None = None
@@ -61,7 +61,7 @@ class FailureMessage(BaseModel):
     type: Literal["failed"]
     digest: str
     message: str
-    unwritable: bool = False  # whether a file could not be written, which would stop all other frames, too
+    unwritable: bool = False  # whether a file could not be written; this would also stop all other frames
 
 
 WorkerMessage = ReadyMessage | ProgressMessage | ResultMessage | FailureMessage
@@ -73,7 +73,7 @@ class WorkerFrame(RenderedFrame):
     """A rendered frame, as a worker has sent it."""
 
     blender: str  # as in `ReadyMessage`
-    memory: int  # peak of the worker so far, bytes
+    memory: int  # peak memory of the worker so far, in bytes
     notes: tuple[str, ...] = ()  # for the user
 
 

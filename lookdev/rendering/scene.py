@@ -36,7 +36,7 @@ class SceneTasks:
     def __init__(self, backend: str = "exact", device: str = "cpu") -> None:
         self._backend = BACKENDS[backend]
         self._device = device
-        # The look is stored beside its source, so that its id stays in use and no other look gets it.
+        # The look is stored beside its source, so that the look's id stays in use and no other look gets the same id.
         self._sources: dict[tuple[object, ...], tuple[GeneratedSource, Look]] = {}
 
     def task(self, scene: Scene, sampling: Sampling) -> SceneTask:
@@ -44,7 +44,7 @@ class SceneTasks:
 
         A convex asset is rendered without bounces and shadow rays, because light that it reflects does not hit it
         again. The exception is a closed convex asset with a look that transmits light or can be seen through. Lights
-        that reach nothing are left out.
+        that reach no part of the asset are left out.
 
         Raises
         ------
@@ -131,7 +131,7 @@ class SceneTasks:
             )
 
     def _source(self, look: Look, setting: SourceSetting, code: tuple[object, ...]) -> GeneratedSource:
-        """Return the source of a look. `code` is everything about the lights that the source depends on."""
+        """Return the source of a look. `code` has everything about the lights that the source depends on."""
         settings = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
         key = (id(look), *code, *settings)
         if key not in self._sources:

@@ -29,9 +29,9 @@ def cached_source(
 ) -> GeneratedSource:
     """Return ``backend.generate(look, setting)``, from the cache if it is there; raises what `generate` raises.
 
-    The cache has only OSL, and only of looks without expressions, measured data and sets of texture tiles. Such a
-    source depends on the look's values, the contents of its images, the setting, the lights and the code of the
-    package. `light_code` is everything about the lights that the source depends on.
+    The cache has only OSL sources, and only of looks without expressions, measured data and sets of texture tiles. Such
+    a source depends on the look's values, the contents of the look's images, the setting, the lights and the code of
+    the package. `light_code` has everything about the lights that the source depends on.
     """
     image_digests = None if backend.source is not ShaderSource or setting.resolve is not None else _image_digests(look)
     if image_digests is None:
@@ -55,7 +55,7 @@ def cached_source(
 
 
 def _image_digests(look: Look) -> list[str] | None:
-    """Return the digests of a look's images, or None if its source depends on more than its values and images."""
+    """Return the digests of a look's images; None if the source depends on more than the look's values and images."""
     digests = []
     for layer in look.layers:
         parameters: Mapping[str, Parameter] = MODELS[layer.model].parameters if layer.model in MODELS else {}

@@ -41,7 +41,7 @@ def _read_sources(values: list[object], info: ValidationInfo) -> tuple[Generated
     return tuple(_adapter(BACKENDS[name].source).validate_python(value) for value in values)
 
 
-# JSON does not say of which type a source is. The name of the backend does.
+# In JSON, the type of a source is not stated. It follows from the name of the backend.
 LookSources = Annotated[tuple[GeneratedSource, ...], PlainValidator(_read_sources)]
 
 
@@ -49,8 +49,8 @@ LookSources = Annotated[tuple[GeneratedSource, ...], PlainValidator(_read_source
 class SceneTask:
     """The data that all frames of a sequence share: geometry, sources, lights, resolution.
 
-    Numbers of slots, sources and lights are indices. Raises ValueError where there is no source, where one is not of
-    the backend's type, and where a number in `slot_shaders` is not that of a source.
+    The number of a slot, a source or a light is its index. Raises ValueError where there is no source, where a source
+    is not of the backend's type, and where a number in `slot_shaders` is not the number of a source.
     """
 
     asset: Content
@@ -69,7 +69,8 @@ class SceneTask:
     groups: tuple[int, ...] = ()  # () if all are 0
     prims: tuple[str, ...] = ()  # the USD path of each instance of a mesh; () if no pass needs them
     space: Space = REC709  # the colour space of the light
-    # The name of the light group of each of `lights`, then those of lights that reach nothing; () if no pass needs it.
+    # The name of the group of each of `lights`, then further groups of lights that reach nothing; () if no pass needs
+    # the names.
     light_groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -124,8 +125,8 @@ class SceneTask:
     def complete_parts(self, parts: Mapping[str, NDArray[_Real]], beauty: NDArray[_Real]) -> dict[str, NDArray[_Real]]:
         """Return all arrays with parts of the light, (H, W, 3) by name; `beauty` is (H, W, 3).
 
-        `parts` has the arrays of each set of `part_sets` except its last, which is the beauty minus the others. Parts
-        of lobes that no look has, and of lights that reach nothing, are black.
+        `parts` has the arrays of each set of `part_sets`, except the last array of the set: it is the beauty minus the
+        other arrays of the set. Parts of lobes that no look has, and of lights that reach nothing, are black.
         """
         complete: dict[str, NDArray[_Real]] = dict(parts)
         for *others, last in self.part_sets:
@@ -158,7 +159,7 @@ class FrameTask:
     pose: Pose
     exposure: float  # stops
     digest: str  # identifies everything that the picture depends on
-    files: tuple[Path, ...]  # all paths on disk to which it is written: turntables with the same pose share a frame
+    files: tuple[Path, ...]  # all files of the frame on disk: turntables with the same pose share a frame
     labels: dict[str, str]  # entries of the frame's header, such as the name of the look
 
 
@@ -180,7 +181,7 @@ def frame_task(scene: SceneTask, pose: Pose, name: str, **sampling: Unpack[Sampl
 
 
 def files_of_task(task: object) -> set[Content]:
-    """Return all files that a task names. To render the task, another machine needs these besides the task."""
+    """Return all files that a task names. To render the task, another machine needs these files besides the task."""
     return set(_contents(task))
 
 

@@ -64,9 +64,9 @@ class Worker:
     timeout
         Seconds without an answer after which the process counts as hung.
     variables
-        Environment variables of the process in addition to those of this process.
+        Environment variables of the process, in addition to the variables of this process.
     cores
-        The cores that the process may run on. By default, those of this process.
+        The cores that the process may run on. By default, the process may run on the cores of this process.
     """
 
     def __init__(
@@ -157,7 +157,8 @@ class Worker:
         """Render one frame on a started worker.
 
         Raises RenderError where the worker cannot render the frame, and OutputError where it cannot write a file, as on
-        a full disk; it keeps running. Raises WorkerError where it died, hung or sent an invalid answer; it is killed.
+        a full disk. The worker keeps running after these errors. Raises WorkerError where the worker died, hung or sent
+        an invalid answer, and kills the worker.
         """
         with self._kill_on_error():
             return load_result(self._exchange(task, progress), task.scene, self._blender)
@@ -299,7 +300,7 @@ class Worker:
 
 @contextmanager
 def open_renderer(timeout: float = ANSWER_TIMEOUT) -> Iterator[Callable[[FrameTask], WorkerFrame]]:
-    """Yield a function that renders a frame of any backend, in workers that end with the context.
+    """Yield a function that renders a frame with any backend, in workers that end with the context.
 
     The function raises as `Worker.start` and `Worker.render`. Its WorkerError includes the last line of the log.
     """

@@ -34,7 +34,7 @@ class ChunkSummary:
     chunk: str  # such as "2/8"
     frames: int  # number of frames
     done: int  # number of frames on disk
-    scenes: int  # number of scenes of the frames
+    scenes: int  # number of different scenes that the frames show
     seconds: float  # estimate for all frames, done or not, and for preparing their scenes
     first: str | None  # the name of the first frame; None if the chunk has no frames
     last: str | None
@@ -64,7 +64,7 @@ def store_measured_chunks(plan: Plan, division: Division) -> None:
 
 
 def chunk_summaries(plan: Plan, division: Division) -> list[ChunkSummary]:
-    """Return summaries of all chunks of a plan. Times are estimated from the frames on disk, if there are some."""
+    """Return summaries of all chunks of a plan. Times are estimated from the frames on disk, if there are any."""
     costs = measure_costs(plan)
     summaries, first = [], 0
     for number, end in enumerate(_chunk_ends(plan, division), start=1):

@@ -1,8 +1,8 @@
 """The events that a run reports to its caller while it renders, such as a finished frame.
 
-`lookdev.run.progress` shows or logs them. A frame has a name, ``look/ibl/turntable.0001``, and an id. The id is the
-frame's digest, which its plan, its worker's log and its EXR contain, too. In a JSON log, the name of an event is that
-of its class, so renaming a class changes the log.
+`lookdev.run.progress` shows or logs them. A frame has a name, such as ``look/ibl/turntable.0001``, and an id. The id is
+the frame's digest, which the plan, the worker's log and the frame's EXR contain, too. In a JSON log, an event has the
+name of its class, so renaming a class changes the log.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class LogFormat(StrEnum):
 
 @dataclass(frozen=True)
 class Noted:
-    """A note for the user, such as one on repaired texels of a light."""
+    """A note for the user, for example about repaired texels of a light."""
 
     text: str
 

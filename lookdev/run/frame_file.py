@@ -28,10 +28,11 @@ from lookdev.space import REC709
 def store_frame(task: FrameTask, rendered: WorkerFrame) -> StoredFrame:
     """Write the files of a frame, and return its figures and notes for the user; raises OutputError.
 
-    The notes include those of `frame_doubts`. For a frame of reference props, such as a colour chart, the colours of
-    the props are measured, and the notes state deviations from what the light predicts.
+    The notes include the results of `frame_doubts`. In a frame of reference props, such as a colour chart, the colours
+    of the props are measured. The notes state deviations from the colours that follow from the light.
     """
     beauty, constant = exposed_beauty(task, rendered), all(light.constant for light in task.scene.lights)
+    # A strip of props that is too small in the picture to be measured has a size note.
     doubts, header = list(frame_doubts(rendered, beauty, constant_light=constant)), {}
     if (
         PROPS_STRIP_KEY in task.labels
@@ -85,7 +86,7 @@ def exposed_beauty(task: FrameTask, rendered: WorkerFrame) -> Floats32:
 
 
 def _write_frame_file(task: FrameTask, rendered: WorkerFrame, beauty: Floats32, extra: Mapping[str, str]) -> None:
-    """Write a frame to its first file, and link its other files to that.
+    """Write a frame to its first file, and link its other files to the first.
 
     beauty : from `exposed_beauty`; extra : further entries of the header. The layer ``raw`` is the picture before
     denoising. The layer ``error`` is the standard error of each pixel and channel, from the difference of the halves.

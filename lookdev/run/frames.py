@@ -1,7 +1,7 @@
-"""The main loop of a run: it selects, claims, renders and writes frames, and makes the files that show them.
+"""The main loop of a run: it selects, claims, renders and writes frames, and makes the files that show frames.
 
 Several runs may render the same plan at the same time. A run claims a frame before it renders the frame, so that no
-other run does. A picture is a file that shows one frame, such as a PNG; a sheet is a file that shows several.
+other run renders it. A picture is a file that shows one frame, such as a PNG. A sheet is a file that shows several.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class RunFrames:
         return pending
 
     def _files_named(self, names: Sequence[str]) -> set[tuple[Path, ...]]:
-        """Return the files of the frames with these names, and those of the reference props composited over them.
+        """Return the files of the frames with these names, and the files of the reference props composited over them.
 
         Raises LookdevError where the plan has no frame of a name.
         """
@@ -166,9 +166,9 @@ class RunFrames:
     def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
         """Render frames, each claimed by this run until it is done; raises the errors of `Executor.render`.
 
-        Scenes of which no other run has claimed a frame come first. The other frames without a claim follow, from the
-        last frame of each scene to its first. Finally, this run waits for the frames that other runs have claimed, and
-        renders those whose claims are released or void.
+        Scenes without a frame that another run has claimed come first. The other frames without a claim follow, from
+        the last frame of each scene to its first. Finally, this run waits for the frames that other runs have claimed,
+        and renders a frame if its claim is released or void.
         """
         left = self._render_unclaimed(tasks, executor, skip_scenes=True)
         waits = _wait_times()
@@ -182,9 +182,9 @@ class RunFrames:
     def _render_unclaimed(
         self, tasks: Sequence[FrameTask], executor: Executor, *, skip_scenes: bool
     ) -> list[FrameTask]:
-        """Render the frames that no other run has claimed; return the others.
+        """Render the frames that no other run has claimed; return the other frames.
 
-        With `skip_scenes`, a frame is not rendered either if it follows a claimed frame of its scene. The returned
+        With `skip_scenes`, a frame that follows a claimed frame of its scene is not rendered either. The returned
         frames are sorted by scene, from the last frame of a scene to its first. The order of the scenes is random, and
         different for each run. Several runs that render these frames next thus spread over the scenes, and seldom
         change their scene.
@@ -286,7 +286,7 @@ class RunFrames:
         return True
 
     def wait_for_sheets(self) -> None:
-        """Wait until other runs have made the sheets that they have claimed; make those whose runs end before."""
+        """Wait for the sheets that other runs have claimed; make a sheet here if its run ends without making it."""
         for wait in _wait_times():
             self._sheets_of_others = [file for file in self._sheets_of_others if not self._make_sheet(file)]
             if not self._sheets_of_others:
@@ -294,7 +294,7 @@ class RunFrames:
             time.sleep(wait)
 
     def _name(self, task: FrameTask) -> str:
-        """Return the name of a frame: that of its first file."""
+        """Return the name of a frame, which is the name of its first file."""
         return str(FrameName.of(task.files[0]))
 
 

@@ -1,9 +1,9 @@
 """The ledger of an output folder: the record, on disk, of the files that runs have made from finished frames.
 
-It tells whether a picture or movie on disk is up to date. A key is a digest of all inputs of such a file. An entry
-states that the file made from the inputs with this key has content with this digest. An entry never becomes false, so
-entries of several runs can be merged in any order. Each run appends its entries to a file of its own, one entry per
-line. ``pictures.json`` has the entries of all runs that have ended.
+The ledger tells whether a picture or movie on disk is up to date. An entry has a key, which is a digest of all inputs
+of a file, and the digest of the content that is made from these inputs. An entry never becomes false, so entries of
+several runs can be merged in any order. Each run appends its entries to a file of its own, one entry per line.
+``pictures.json`` has the entries of all runs that have ended.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TextIO
 from lookdev.cache import file_digest, write_file
 from lookdev.safe_text import read_json_object
 
-_MAX_LEDGER_BYTES = 1 << 30  # of ``pictures.json``: a larger one is not read
+_MAX_LEDGER_BYTES = 1 << 30  # the maximum size of ``pictures.json``: a larger file is not read
 
 LedgerEntry = tuple[str, str]
 """A key, and the digest of the file's content."""
@@ -26,7 +26,7 @@ LedgerEntry = tuple[str, str]
 class Ledger:
     """The entries of an output folder.
 
-    `state` is the state folder in the output folder, `run` the id of the run that adds entries.
+    `state` is the state folder in the output folder, and `run` is the id of the run that adds entries.
     """
 
     def __init__(self, state: Path, run: str = "") -> None:
@@ -35,8 +35,8 @@ class Ledger:
         self._stream: TextIO | None = None
         self._merged = _read_merged(self._file)
         self._entries = {name: {entry} for name, entry in self._merged.items()}
-        self._offsets: dict[Path, int] = {}  # by the file of a run: the number of bytes that are read already
-        self._latest: dict[str, LedgerEntry] = {}  # by name: the entry that was read or added last
+        self._offsets: dict[Path, int] = {}  # the number of bytes read so far, by the file of a run
+        self._latest: dict[str, LedgerEntry] = {}  # the entry that was read or added last, by the name of a file
         self._read_runs()
 
     @property
@@ -45,7 +45,10 @@ class Ledger:
         return sorted(self._entries)
 
     def add(self, name: str, key: str, digest: str) -> None:
-        """Record a file: its path relative to the output folder, its key and its digest; write this to disk at once."""
+        """Record a file in an entry, and write the entry to disk at once.
+
+        `name` is the path of the file relative to the output folder. `digest` is the digest of its content.
+        """
         if self._stream is None:
             self._stream = self._run_file.open("a", encoding="utf-8")
         # The newline comes before the entry. If a full disk cuts off an entry, the next one still starts a new line.
@@ -96,7 +99,7 @@ class Ledger:
                         self._add_entry(name, (key, digest))
 
     def _add_entry(self, name: str, entry: LedgerEntry) -> None:
-        """Add an entry of a file to those in memory."""
+        """Add an entry of a file to the entries in memory."""
         self._latest[name] = entry
         self._entries.setdefault(name, set()).add(entry)
 

@@ -13,14 +13,14 @@ from lookdev.plan import Plan, PlannedFile
 from lookdev.safe_text import align_columns
 
 LINKED_REASON = "shown by another frame that is done: linked, not rendered"
-"""The listed reason of a file that is not rendered because a finished file of the same frame is linked or copied."""
+"""The listed reason for a file that is not rendered, because a finished file of the same frame is linked or copied."""
 
 
 @dataclass(frozen=True)
 class FrameRange:
     """Consecutive frames of a turntable that are in the same state for the same reason."""
 
-    turntable: str  # as look/ibl/turntable
+    turntable: str  # in the form look/ibl/turntable
     first: str  # the digits of the first frame, such as "0001"
     last: str
     count: int

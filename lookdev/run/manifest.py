@@ -92,12 +92,12 @@ class _FileDigests:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        # By path: size, time, inode and digest of a file.
-        self._old = read_json_object(file)  # of the run before; empty if the file is missing
-        self._new: dict[str, list[Any]] = {}  # of this run
+        # A record has the size, time, inode and digest of a file. The keys are the paths of the files.
+        self._old = read_json_object(file)  # the records of the run before; empty if their file is missing
+        self._new: dict[str, list[Any]] = {}  # the records of this run
 
     def entry(self, file: Path, name: str) -> dict[str, Any]:
-        """Return the entry of a file in the manifest: its name there, and its digest."""
+        """Return the entry of a file for the manifest, with its digest; `name` is the name of the file there."""
         status = file.stat()
         stamp = [status.st_size, status.st_mtime_ns, status.st_ino]
         old = self._old.get(str(file))
@@ -118,7 +118,10 @@ def verify_manifest(folder: Path) -> tuple[Mapping[str, Any], tuple[Deviation, .
 
 
 def manifest_text(folder: Path, manifest: Mapping[str, Any], problems: Iterable[Deviation] | None) -> str:
-    """Return a summary of a manifest as text. `problems` are the deviations from it, or None if it was not verified."""
+    """Return a summary of a manifest as text.
+
+    `problems` has the deviations of the folder from the manifest. It is None if the manifest was not verified.
+    """
     frames = manifest["frames"]
     errors = [float(frame["header"]["relmse"]) for frame in frames if "relmse" in frame.get("header", {})]
     worst = f", largest relMSE {max(errors):.1e}" if errors else ""

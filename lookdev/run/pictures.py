@@ -1,8 +1,8 @@
 """Makes files that show finished frames, such as PNGs, movies and contact sheets, if they are missing or outdated.
 
-An output is a kind of such files (`lookdev.output`). A ledger (`lookdev.run.ledger`) records for each file the digest
-of its content, and a key: a digest of its inputs, which are frames and options. A new view, another number of frames or
-a damaged file is therefore detected even if no frame was rendered.
+An output is a kind of such files (`lookdev.output`). For each file, a ledger (`lookdev.run.ledger`) records the digest
+of its content, and a key. The key is a digest of the inputs of the file, which are frames and options. A new view,
+another number of frames or a damaged file is therefore detected even if no frame was rendered.
 
 A job may have reference props, such as a colour chart. They are rendered as frames of their own, and composited over
 the frames of looks.
@@ -41,7 +41,7 @@ class PictureFile:
     output: Output
     paths: tuple[Path, ...]
     title: str
-    frames: dict[Path, FrameTask]  # by their EXR, in their order in the file
+    frames: dict[Path, FrameTask]  # by the path of the frame's EXR, in their order in the file
     labels: tuple[str, ...]  # a label for each frame
     columns: int | None = None  # the number of frames in a row, for a wedge: a table of variations of a look or light
 
@@ -84,8 +84,9 @@ class PictureWriter:
     ) -> None:
         """Make the files that show this frame alone and are missing or outdated.
 
-        A file is not made yet if reference props are composited over the frame and are not among the `done` files of
-        frames. `pixels` are the beauty and the alpha of a new frame: all its files are then made from these.
+        A file is not made yet if reference props are composited over the frame, and the frame of these props is not
+        among the files that are `done`. `pixels` are the beauty and the alpha of a new frame: if they are given, all
+        files of the frame are made from them.
 
         Raises
         ------
@@ -108,9 +109,10 @@ class PictureWriter:
                 self.refresh_pictures(self._tasks[files[0]], done)
 
     def finished_sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
-        """Yield the files that show several frames, if all these are done.
+        """Yield the files that show several frames, if all of their frames are `done`.
 
-        With `task`, yield only those that show its frame, or on which its props are composited.
+        With `task`, yield only the files that show the frame of the task. If it is a frame of reference props, these
+        are the files in which the props are composited over frames.
         """
         for file in self._sheets:
             inputs = file.frames.keys() | self._props_over(file)
@@ -179,7 +181,7 @@ class PictureWriter:
 
 
 def link_to_first(paths: Sequence[Path]) -> None:
-    """Make the file at the first path appear at the others, too, by links or copies."""
+    """Make the file at the first path also appear at the other paths, by links or copies."""
     for path in paths[1:]:
         link_or_copy(paths[0], path)
 
@@ -212,7 +214,7 @@ def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
             path = plan.output / sheet.look / sheet.rig / f"{turntable}.{sheet.name}{output.suffix}"
             yield replace(file([path], (turntable, sheet.title), cells, sheet.labels), columns=sheet.columns)
     else:
-        sides: dict[tuple[str, str], list[Reel]] = {}  # by light and turntable: the reels of all looks, side by side
+        sides: dict[tuple[str, str], list[Reel]] = {}  # the reels to show side by side, by light and turntable
         for reel in plan.reels:
             sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
         for (ibl, turntable), reels in sides.items():

@@ -115,8 +115,8 @@ class JsonReport:
     """A report for programs that follow a run: writes each event as a line of JSON at once.
 
     A line is an object with ``time`` (UTC), ``level``, ``event`` (the name of the event's class in snake case),
-    ``host``, ``process``, ``run``, ``chunk``, and the fields of the event. An event of a frame has the name of the
-    frame as ``frame``, and as ``id`` the frame's digest, which its plan, its worker's log and its EXR contain, too.
+    ``host``, ``process``, ``run``, ``chunk``, and the fields of the event. If it is an event of a frame, ``frame`` is
+    the frame's name, and ``id`` is its digest, which the plan, the worker's log and the frame's EXR contain, too.
     """
 
     def __init__(self, stream: TextIO) -> None:

@@ -43,7 +43,7 @@ Backdrop = str | tuple[float, float, float]
 PrepareJob = Callable[[Job, Callable[[SceneTask], None] | None], "PlannedJob"]
 """Reads the files of a job and plans its frames.
 
-The second argument is a function, or None. It is called early, with a scene for which a worker can prepare itself."""
+The second argument is a function, or None. The function is called early, with a scene that a worker can prepare."""
 
 
 def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> PlannedJob:
@@ -77,7 +77,7 @@ def render_job(
     prepare
         The function that plans the frames: `lookdev.plan.prepare.plan_job`, except in tests.
     rules
-        The path rules, which replace beginnings of paths, such as those of another machine.
+        The path rules. They replace beginnings of paths, for example of paths on another machine.
     output
         The output folder, instead of the job's.
     chunk
@@ -127,7 +127,7 @@ def render_job(
             report=report,
         )
         if chunk is None:
-            from lookdev.run.manifest import record_run  # not at the top: reading USD files takes long to import
+            from lookdev.run.manifest import record_run  # not at the top: the readers of USD files take long to import
 
             record_run(job, plan)
             if result.done == result.total and not run.others():
@@ -142,13 +142,13 @@ def mapped_files(rules: PathRules) -> AbstractContextManager[None]:
     """Return a context in which path rules are applied to the asset paths in USD files."""
     if not rules:
         return nullcontext()
-    from lookdev.stage import map_asset_paths  # not at the top: reading USD files takes long to import
+    from lookdev.stage import map_asset_paths  # not at the top: the readers of USD files take long to import
 
     return map_asset_paths(lambda asset: map_path(asset, rules))
 
 
 def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:
-    """Load a job. `output` and the kind of `device` replace those of the job if they are not None.
+    """Load a job. `output` and `device`, a kind of device, replace the values of the job if they are not None.
 
     Raises JobError, and LookdevError where the backend of the job does not run on the device.
     """
@@ -169,8 +169,8 @@ def load_mapped_job(path: Path, rules: PathRules = (), output: Path | None = Non
 def _lacks_frames(job: Job) -> bool:
     """Return whether frames of a job are missing, as far as their names follow from the job file alone.
 
-    A look whose variant is ``"*"`` becomes several looks, whose names are known only from USD files. It counts as
-    complete if the frames of all its folders in the output exist.
+    A look whose variant is ``"*"`` becomes several looks, whose names are known only from USD files. Such a look counts
+    as complete if the frames of all its folders in the output exist.
     """
     turns = TurntableFrames(job.turntable, job.output)
     for look in job.look:
@@ -183,7 +183,7 @@ def _lacks_frames(job: Job) -> bool:
 
 
 def _join_runs(run: Run, plan: Plan, report: ReportEvent) -> None:
-    """Announce the plan of a run to other runs, and report those that render the same plan.
+    """Announce the plan of a run to other runs, and report the runs that render the same plan.
 
     Raises OutputError where another run renders another plan to the output.
     """
@@ -278,14 +278,14 @@ def run_plan(
     outputs_only
         Render nothing, but make pictures and sheets. The result has the names of the missing frames.
     render_background
-        Returns the light behind a frame, in place of the result of `background_light`.
+        A function that returns the light behind a frame. None takes the function that `background_light` returns.
     run
         A run that the caller has entered. None starts a new run.
     executor
         The executor that renders, which the caller closes. None opens one worker on this machine.
     worker_command, timeout
-        For that worker: its command, by default the backend's, and the seconds without an answer after which it counts
-        as hung.
+        If `executor` is None: the command of the worker, by default the backend's command, and the seconds without an
+        answer after which the worker counts as hung.
     report
         A function that is called with every event.
 

@@ -1,14 +1,14 @@
 """The runs that write to one output folder, on any number of machines that share the folder.
 
-Each run has a file in ``.lookdev/runs``. It sets the time of this file again and again: this is its heartbeat. A run is
-dead if its process has ended, or if it has had no heartbeat for the time of a lease. Another run then removes the file
-of the dead run. If the process of the dead run goes on after all, it notices this and stops. Clocks of two machines are
-never compared: any change of the file's time is a heartbeat, and the observer measures the time between heartbeats by
-its own clock.
+Each run has a file in ``.lookdev/runs``. The run sets the time of this file again and again: this is its heartbeat. A
+run is dead if its process has ended, or if it has had no heartbeat for the time of a lease. Another run then removes
+the file of the dead run. If the process of the dead run goes on after all, it notices that its file is gone, and stops.
+Clocks of two machines are never compared: any change of the file's time is a heartbeat, and the observer measures the
+time between heartbeats by its own clock.
 
 Before a run makes a frame or another file, it claims the name of that file. The claim is a hard link to the run's own
-file, which only one run can create. Claims of dead runs are void. Claims only save work, they do not protect files: a
-file is written completely or not at all, and its content does not depend on the run.
+file. Only one run can create this link. Claims of dead runs are void. Claims only save work. They need not protect
+files: a file is written completely or not at all, and its content does not depend on the run.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ DEFAULT_LEASE = 60
 
 _BEATS_PER_LEASE = 6  # heartbeats in the time of a lease
 _SCRATCH = "scratch-"  # the start of the names of folders for temporary files
-# The names of temporary files of `lookdev.cache.atomic_path`. The group is the name of the process that writes it.
+# The pattern of names of temporary files of `lookdev.cache.atomic_path`. The group is the name of the writing process.
 _TEMPORARY_NAME = re.compile(r"\..+\.([0-9a-f]+)-[0-9a-f]{8}(?:\.[a-z0-9]+)?")
 
 
@@ -72,20 +72,20 @@ class RunInfo:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the run is one of this machine, and its process has ended."""
+        """Whether the run is a run of this machine whose process has ended."""
         return self.machine == _machine() and not _is_running(self.process, self.started)
 
 
 class Runs:
     """The runs of an output folder, as one observer sees them; `state` is the state folder, ``.lookdev``.
 
-    The observer remembers heartbeats to detect new ones.
+    The observer stores the last heartbeat of each run, to detect new heartbeats.
     """
 
     def __init__(self, state: Path) -> None:
         self._folder = state / "runs"
         self._lease = lease_seconds()
-        # By the id of a run: the time of its file at the last heartbeat, and when this process noticed that.
+        # The time of a run's file at the last heartbeat, and the time when this process noticed it, by the run's id.
         self._heartbeats: dict[str, tuple[int, float]] = {}
 
     def all(self) -> list[RunInfo]:
@@ -135,7 +135,7 @@ class Runs:
 class Run:
     """The run of this process, as a context manager. Until the context ends, a thread gives the run its heartbeat.
 
-    `output` is the output folder, `part` the chunk that the run renders, "" for all frames.
+    `output` is the output folder. `part` is the chunk that the run renders, "" for all frames.
     """
 
     def __init__(self, output: Path, part: str = "") -> None:
@@ -146,8 +146,8 @@ class Run:
         self._output = output
         self._file = self.state / "runs" / self.info.id
         self._claims_folder = self.state / "claims"
-        self._claim_files: dict[str, Path] = {}  # by `claim_key`: the claims of this run
-        self._ended, self._is_lost = threading.Event(), False  # lost: other runs have removed the file of this run
+        self._claim_files: dict[str, Path] = {}  # the files of this run's claims, by `claim_key`
+        self._ended, self._is_lost = threading.Event(), False  # a run is lost if other runs have removed its file
         self._heartbeat = threading.Thread(target=self._beat_until_end, daemon=True)
 
     def __enter__(self) -> Self:
@@ -170,7 +170,7 @@ class Run:
 
     def _remove_own_files(self) -> None:
         """Remove the files of this run from the state folder. The last run also removes the folders of runs."""
-        with suppress(OSError):  # the process ends: other runs ignore files of it that could not be removed
+        with suppress(OSError):  # the process ends: other runs ignore its files that could not be removed
             for key in list(self._claim_files):
                 self.release(key)
             self._file.unlink(missing_ok=True)
@@ -183,9 +183,9 @@ class Run:
         return [run for run in self.runs.alive() if run.id != self.info.id]
 
     def announce_plan(self, plan: str) -> list[RunInfo]:
-        """Write the digest of this run's plan to its file, and return the other runs.
+        """Write the digest of this run's plan to the file of this run, and return the other runs.
 
-        Raises OutputError where a living run has another plan, because each would replace the frames of the other.
+        Raises OutputError where a living run has another plan, because both runs would replace each other's frames.
         """
         self.info = replace(self.info, plan=plan)
         self._write_info()
@@ -209,8 +209,8 @@ class Run:
     def claim(self, name: str) -> bool:
         """Claim a name; return False if another living run has claimed it. Raises as `check_alive`, and OSError.
 
-        The claims of a name are files with consecutive numbers. Only the last one can be valid: the others are those of
-        dead runs.
+        The claims of a name are files with consecutive numbers. Only the last claim can be valid: the others are claims
+        of dead runs.
         """
         self.check_alive()
         key = claim_key(name)
@@ -225,7 +225,7 @@ class Run:
                 return True
             if owner is not None and self.runs.is_alive(owner):
                 return False
-            # If this is the claim of a dead run, the next number is tried. If it has been released in the meantime, the
+            # If a dead run has the claim, the next number is tried. If the claim has been released in the meantime, the
             # same number is tried again.
             number += file.exists()
 
@@ -248,7 +248,7 @@ class Run:
             shutil.rmtree(folder, ignore_errors=True)
 
     def log_file(self, name: str) -> Path:
-        """Return a path for a log in the state folder. It contains the run's id if another run uses the plain path."""
+        """Return a path for a log in the state folder, with the run's id in it if another run uses the plain path."""
         stem = f"{name}.{self.info.part.replace('/', '-')}" if self.info.part else name
         is_free = self.claim(f"log {stem}")
         return self.state / (f"{stem}.log" if is_free else f"{stem}.{self.info.id}.log")
@@ -315,7 +315,7 @@ class Run:
             self._claims_folder.mkdir(parents=True, exist_ok=True)
             try:
                 self._write_info()
-            except FileNotFoundError:  # at this moment, another run ends as the last one and removes the folders
+            except FileNotFoundError:  # at this moment, the last other run ends and removes the folders
                 if tries == 4:
                     raise
             else:
@@ -363,17 +363,17 @@ def lease_seconds() -> float:
 
 
 def read_claims(state: Path) -> dict[str, list[str]]:
-    """Return the claims in a state folder: by the id of a run, the keys (`claim_key`) of the names it has claimed."""
+    """Return the keys (`claim_key`) of the names that each run in a state folder has claimed, by the id of the run."""
     files = sorted((state / "claims").glob("*.*"), key=lambda file: int(file.suffix[1:]))
     keys: dict[str, list[str]] = {}
-    for key, file in {file.stem: file for file in files}.items():  # of several claims with one key, only the last
+    for key, file in {file.stem: file for file in files}.items():  # only the last claim with a key can be valid
         if run := _read_run(file):
             keys.setdefault(run.id, []).append(key)
     return keys
 
 
 def claim_key(name: str) -> str:
-    """Return a hash of a claimed name, for the name of the claim's file. The name itself may be too long for a file."""
+    """Return a hash of a claimed name, which names the claim's file: the name itself may be too long for a file."""
     return hashlib.sha256(name.encode()).hexdigest()[:32]
 
 

@@ -1,7 +1,7 @@
 """The status of a job that any number of runs render (`lookdev status`): its frames, and the runs that render them.
 
 Everything is read from the output folder, so no run needs to answer. A run records its plan and its failed frames in
-the state folder there. Which frames are done or in work follows from the frames and the claims on disk.
+the state folder there. The frames on disk show which frames are done. The claims on disk show which are in work.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ class FailedFrame:
 class ActiveRun:
     """A run that has a file in the state folder: it still runs, or it died before it could remove the file.
 
-    `state` is ``"working"``, or ``"stalled"`` if it had no heartbeat for the time of a lease (`lookdev.run.runs`), or
-    ``"dead"`` if its process is known to have ended.
+    `state` is ``"dead"`` if its process is known to have ended, and ``"stalled"`` if the run had no heartbeat for the
+    time of a lease (`lookdev.run.runs`). Otherwise it is ``"working"``.
     """
 
     run: RunInfo
@@ -109,8 +109,8 @@ def read_status(output: Path) -> Status:
     plan = _read_plan(state / _PLAN)
     if not plan:
         raise OutputError(f"{output}: no run of 'lookdev render' has recorded a plan there; is it the output of a job?")
-    left: dict[str, tuple[str, float]] = {}  # by name, for frames that are not done: digest and estimated cost
-    times: dict[str, list[float]] = {}  # by scene, for frames that are done: render times in seconds
+    left: dict[str, tuple[str, float]] = {}  # the digest and estimated cost of each frame that is not done, by name
+    times: dict[str, list[float]] = {}  # the render times in seconds of the frames that are done, by scene
     for name, (digest, cost) in plan["frames"].items():
         header: Mapping[str, str] = {}
         with suppress(OutputError):
@@ -196,7 +196,7 @@ def status_metrics(status: Status) -> str:
 
 
 def _active_runs(state: Path, frames: Mapping[str, list[str]]) -> Iterator[ActiveRun]:
-    """Yield the runs of a state folder; `frames` has the names of their claimed frames, by the id of a run."""
+    """Yield the runs of a state folder; `frames` has the names of the frames that each run claims, by the run's id."""
     now = _file_system_time(state)
     for run in Runs(state).all():
         silent = now - (state / "runs" / run.id).stat().st_mtime
@@ -221,12 +221,12 @@ def _time_left(
 ) -> float | None:
     """Return an estimate of the seconds left, or None if no frame is being rendered.
 
-    A frame is assumed to take the mean time of the frames of its scene that are done. If there are none, it is assumed
-    to take its estimated cost times the mean ratio of time to cost in other scenes.
+    A frame is assumed to take the mean time of the frames of its scene that are done. If no frame of the scene is done,
+    it is assumed to take its estimated cost times the mean ratio of time to cost in other scenes.
 
-    planned : digest and estimated cost of each frame of the plan, by name; left : estimated cost of each frame that is
-    not done, by name; times : seconds of the frames that are done, by scene; at_once : how many frames are rendered at
-    the same time.
+    planned : the digest and estimated cost of each frame of the plan, by name; left : the estimated cost of each frame
+    that is not done, by name; times : the seconds of the frames that are done, by scene; at_once : the number of frames
+    that are rendered at the same time.
     """
     if not at_once:
         return None

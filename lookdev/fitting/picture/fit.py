@@ -44,11 +44,13 @@ class PictureFitRequest:
         Names of constants of the look. ``Layer.`` precedes a name that several layers have. ``=low..high`` after a name
         sets the bounds of the search.
     frame
-        The name of the job's frame that the picture shows, ``look/light/turntable.0001``, or the beginning of it.
-        Empty: the first frame.
+        The name of the job's frame that the picture shows, ``look/light/turntable.0001``, or the beginning of the name.
+        If it is empty, the picture shows the first frame.
     look, page
-        The files to write: the look with the result, and the report. None: not written. If the look cannot be written,
-        this is an error if the user named the file (`look_named`), else a note.
+        The files to write: the look with the result, and the report. A file that is None is not written.
+    look_named
+        Whether the user has named the file `look`. If the look cannot be written, this is then an error, otherwise a
+        note.
     mask
         An image whose last channel is the weight of each pixel in the comparison.
     exposure
@@ -87,9 +89,9 @@ class PictureFit:
     rows
         The parameters for the table of the report.
     block
-        The side, in pixels, of the blocks of the picture that were compared with pixels of renders.
+        The side, in pixels, of a block of the picture. A block was compared with one pixel of a render.
     noise_from
-        A text: where the noise of the picture is known from.
+        A text that states how the noise of the picture is known.
     written, notes
         The files that were written, and notes for the user.
     """
@@ -166,7 +168,7 @@ def fit_picture(request: PictureFitRequest, report: Callable[[LossPoint], None] 
     Raises
     ------
     LookdevError
-        The picture, the job or a parameter is wrong, or they do not match. This is raised before any render.
+        The picture, the job or a parameter is wrong, or they do not match. This error is raised before any render.
     WorkerError, RenderError
         The renderer fails, or is not installed; the message then names the extra for pip.
     """
@@ -213,7 +215,7 @@ def fit_picture(request: PictureFitRequest, report: Callable[[LossPoint], None] 
 def _write_look(
     request: PictureFitRequest, frame: JobFrame, unknowns: tuple[Unknown, ...], result: SearchResult
 ) -> Iterator[Path]:
-    """Write the fitted look, if it is requested; yield its file."""
+    """Write the fitted look, if it is requested, and yield the path of its file."""
     if request.look is not None and frame.table.material is not None:
         constants = [
             replace(unknown.constant, value=result.values[unknown.name])
@@ -225,9 +227,9 @@ def _write_look(
 
 
 def _find_look(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[Unknown, ...]]:
-    """Return the only look of a scene that has all parameters, and the unknowns that these parameters are.
+    """Return the only look of a scene that has all parameters, and these parameters as unknowns.
 
-    Raises LookdevError if several looks have all parameters. If no look has them, the error is that of the last look.
+    Raises LookdevError if several looks have all parameters. If no look has them, raises the error about the last look.
     """
     looks = list({id(look): look for look in scene.looks}.values())
     candidates, errors = [], []
@@ -300,7 +302,7 @@ def _page_pictures(
 ) -> FitPictures:
     """Return the pictures of the report.
 
-    The look before and after the fit is rendered as large as the photo, or with fewer pixels if the photo is large.
+    The look is rendered before and after the fit, as large as the photo, or with fewer pixels if the photo is large.
     After an interruption nothing is rendered: the report then shows renders of the search. `before` has the original
     values of the unknowns by name. `gain` is the factor of the light's exposure, which renders do not include.
     """
@@ -312,11 +314,12 @@ def _page_pictures(
         side = block_side(photo.size, _PAGE_PIXELS) if photo.size[0] * photo.size[1] > _PAGE_PIXELS else 1
         scene = live.scene_at(photo.size, side)
         width, height = scene.resolution
-        # Samples of each half: a power of two, with about `_PAGE_SAMPLES` samples in both halves of all pixels.
+        # The samples per pixel of a half are a power of two. All pixels of both halves together have about
+        # `_PAGE_SAMPLES` samples.
         samples = 1 << max(2, (_PAGE_SAMPLES // (2 * width * height)).bit_length() - 1)
         renders, errors = [], []
         for values in (before, result.values):
-            # The seeds are far above those of the search, which counts from 0.
+            # These seeds are far above the seeds of the search, which counts from 0.
             a, b = gain * live.render(scene, values, False, samples, (1000, 1001))[:, 0, ..., :3]
             exposure = 2.0 ** values["exposure"][0] if "exposure" in values else 1.0
             renders.append(exposure * 0.5 * (a + b))

@@ -37,7 +37,11 @@ BACKEND = "mitsuba"
 
 @dataclass(frozen=True, eq=False)
 class JobFrame:
-    """A frame of a job: the tables of its look, rig and turntable, its number in the turntable, and its scene."""
+    """A frame of a job.
+
+    `table`, `rig` and `turntable` are the tables of its look, light and turntable. `number` is its number in the
+    turntable, from 1.
+    """
 
     table: JobLook
     rig: JobIbl | JobRig
@@ -125,7 +129,7 @@ class LiveFrame:
             raise WorkerError(f"{error}\n{last_line(self._worker.log)}") from error
         if not with_derivatives or len(bindings) == len(self._unknowns):
             return halves
-        # The worker has rendered derivatives for the unknowns that the look reads; zeros are inserted for the others.
+        # The worker has rendered derivatives for the unknowns that the look reads. The other derivatives are 0.
         parts, first = [halves[:, :1]], 1
         for key, unknown in self._unknowns.items():
             is_read = key in bindings

@@ -25,9 +25,9 @@ _MAX_NOISE = 4.0
 class FitPictures:
     """The pictures of the report, linear, (H, W, 3).
 
-    `before` and `after` are renders of the look before and after the fit. `noise_before` and `noise_after` are the
-    standard errors of their differences from the photo. `is_compared` (H, W) is the mask of the pixels that the fit
-    compared.
+    `photo` is the picture that the look is fitted to. `before` and `after` are renders of the look before and after the
+    fit. `noise_before` and `noise_after` are the standard errors of their differences from the photo. `is_compared`
+    (H, W) is the mask of the pixels that the fit compared.
     """
 
     photo: Floats
@@ -40,7 +40,10 @@ class FitPictures:
 
 @dataclass(frozen=True)
 class TableRow:
-    """A row of the table of parameters: the values (1 or 3 numbers) before and after the fit, and standard errors."""
+    """A row of the table of parameters, with 1 or 3 numbers for each parameter.
+
+    `before` and `after` are the values before and after the fit. `error` has the standard errors of `after`.
+    """
 
     name: str
     before: tuple[float, ...]
@@ -50,7 +53,7 @@ class TableRow:
 
 
 def table_rows(result: SearchResult, before: Mapping[str, tuple[float, ...]]) -> list[TableRow]:
-    """Return the rows of the table of parameters; `before` has the values in the original look by name."""
+    """Return the rows of the table of parameters; `before` has the values of the original look, by name."""
     rows = []
     for name, value in result.values.items():
         names = [name] if len(value) == 1 else [f"{name}[{channel}]" for channel in "rgb"]
@@ -71,7 +74,7 @@ def format_numbers(values: Sequence[float], digits: int = 4) -> str:
 def write_page(
     file: Path, title: str, lines: Sequence[str], pictures: FitPictures, rows: Sequence[TableRow], result: SearchResult
 ) -> None:
-    """Write the report, whole or not at all; `lines` are plain text below the title."""
+    """Write the report, completely or not at all; `lines` are plain text below the title."""
     photo_and_renders = {"Photo": pictures.photo, "Before": pictures.before, "After": pictures.after}
     write_html_page(
         file,
@@ -138,9 +141,9 @@ def _png(pixels: Bytes) -> bytes:
 def _loss_chart(curve: Sequence[LossPoint], noise: float) -> dict[str, Any]:
     """Return the data of a chart of the loss of every render, for the template of the page.
 
-    x is the number of the render, y the logarithm of the loss, both scaled to [0, 1]. ``grid`` has powers of ten with
-    their y. ``noise`` has the y of the noise, if there is any. ``points`` has x, y and the `LossPoint` of each render.
-    ``lines`` has the points to connect: the accepted steps from each start.
+    x is the number of the render, and y is the logarithm of the loss, both scaled to [0, 1]. ``grid`` has pairs of an
+    exponent of ten and its y. ``noise`` has the y of the noise, if there is any. ``points`` has x, y and the
+    `LossPoint` of each render. ``lines`` has the points to connect: the accepted steps from each start.
     """
     losses = np.array([max(point.loss, 1e-12) for point in curve])
     floor = max(min(losses.min(), noise if noise > 0.0 else losses.min()), losses.max() * 1e-8)

@@ -41,7 +41,7 @@ class Photo:
     weights : (H, W)
         The weight of each pixel in comparisons, in [0, 1].
     noise_from
-        A text: where the noise is known from.
+        A text that states how the noise is known.
     notes
         Notes for the user.
     """
@@ -106,7 +106,7 @@ def read_photo(file: Path, mask: Path | None = None) -> Photo:
 
 
 def _read_mask(file: Path, shape: tuple[int, ...]) -> Floats:
-    """Return the last channel of an image, (H, W), clipped to [0, 1]; raises LookdevError if its shape is another."""
+    """Return the last channel of an image, clipped to [0, 1]; raises LookdevError unless it has `shape`, (H, W)."""
     with open_image(file, LookdevError) as image:
         spec = image.spec()
         if (spec.height, spec.width) != shape:
@@ -130,8 +130,8 @@ def matrix_to_rec709(primaries: tuple[float, ...]) -> Floats:
 def estimate_noise(color: Floats, weights: Floats) -> Floats:
     """Estimate the standard error (H, W, 3) of a picture from its finest detail.
 
-    A pixel has the median detail of all pixels with a similar brightness. Pixels whose neighbourhood has a weight below
-    1 are not sampled, if others are left.
+    The standard error of a pixel is the median detail of all pixels with a similar brightness. Pixels whose
+    neighbourhood has a weight below 1 are not sampled, if other pixels are left.
     """
     noise = np.empty_like(color)
     inside = convolve(weights, np.ones((3, 3)), mode="constant") > 8.99

@@ -1,8 +1,8 @@
-"""The search of a fit to a picture: it finds the unknowns of a look with which renders are nearest to the picture.
+"""The search of a fit to a picture: it finds the values of unknowns for which renders are nearest to the picture.
 
-It renders several starts, improves the best of them by damped Gauss-Newton steps, and refines the best result with more
-samples. Each picture is rendered as two independent halves, so that the loss has no bias (see `target`). The search
-varies units, which are the unknowns scaled to similar ranges (`Unknown.unit`).
+The search renders several starts, improves the best starts by damped Gauss-Newton steps, and refines the best result
+with more samples. Each picture is rendered as two independent halves, so that the loss has no bias (see `target`). The
+search varies units, which are the unknowns scaled to similar ranges (`Unknown.unit`).
 
 - Levenberg, K. 1944; Marquardt, D. W. 1963: damped steps. SciPy's `lsq_linear` solves them within bounds.
 - White, H. 1980. A Heteroskedasticity-Consistent Covariance Matrix Estimator. Econometrica 48(4): errors of parameters.
@@ -37,10 +37,10 @@ the unknowns, in order. On the last axis are RGB and alpha.
 """
 
 _BOUND_MARGIN = 5e-4
-"""The least distance of renders from a bound, in units. At a bound, a lobe may have weight 0, and is never sampled."""
+"""The least distance of a rendered unit from its bound. At a bound, a lobe may have weight 0, and is never sampled."""
 
 _MAX_STEP = 0.4  # the largest change of a unit in one step
-_DAMPING, _MAX_DAMPING = 1e-3, 10.0  # at the start of the steps, and the limit above which steps end
+_DAMPING, _MAX_DAMPING = 1e-3, 10.0  # the damping of the first step, and the limit above which steps end
 _MIN_STEP = 1e-3  # the change of a unit below which a step counts as small: a thousandth of a slider
 _SAME_END_DISTANCE = 0.05
 """Two results of the search are the same if no unit of them differs by this number or more."""
@@ -60,11 +60,13 @@ class SearchSettings:
     start_count, start_samples
         The number of starts that are rendered, and their samples.
     followed_count, steps, samples
-        The number of the best starts that are followed by damped steps, the most steps of each, and their samples.
+        The number of the best starts from which damped steps are taken, the most steps from a start, and the samples of
+        a step.
     rounds, final_samples
-        The most steps that refine the best end, and the samples of the last of them.
+        The most steps that refine the best result of the followed starts, and the samples of the last such step.
     derivative_samples
-        The samples of a derivative. It needs fewer, because it is multiplied by the remaining difference.
+        The samples of a derivative. A derivative needs fewer samples, because it is multiplied by the remaining
+        difference.
     """
 
     start_count: int = 12
@@ -99,23 +101,25 @@ class SearchResult:
     Attributes
     ----------
     values, errors
-        The numbers of each unknown by name, and their standard errors from the noise of picture and renders. The error
-        is nan for a number without effect.
+        The numbers of each unknown by name, and their standard errors from the noise of the picture and of the renders.
+        The error is nan for a number without effect.
     without_effect, undetermined
-        Names of numbers that change no pixel, and of numbers whose error is larger than a quarter of the slider.
+        The names of numbers that change no pixel, and the names of numbers whose error is larger than a quarter of the
+        slider.
     correlated_pairs
         Names of pairs of numbers that the picture does not separate well, and the correlation of their errors.
     before, after, noise
         The loss at the look's original values, the loss at the result, and the part of the loss that is the picture's
         noise.
     misfit
-        The square root of loss / noise, at least 1. The errors are already multiplied by it.
+        The square root of loss / noise, at least 1. The errors are already multiplied by this number.
     starts
         The final losses of the followed starts, best first, and whether each ended near the result.
     curve
         All renders, in order.
     pictures
-        The render with the look's original values, and the render with the result: means of halves, (H, W, C).
+        The render with the look's original values, and the render with the result, (H, W, C). Each is the mean of its
+        two halves.
     converged, interrupted
         Whether the last step is smaller than its error, and whether the user interrupted the search.
     """
@@ -150,7 +154,7 @@ class _LocalModel:
 
 @dataclass(eq=False)
 class Search:
-    """A search for the values of a look's unknowns with which its renders are nearest to a target.
+    """A search for the values of a look's unknowns for which renders are nearest to a target.
 
     Arrays of units, (P,), have the numbers of all unknowns one after the other.
     """
@@ -168,7 +172,7 @@ class Search:
     def __post_init__(self) -> None:
         self._low = np.concatenate([unknown.units(unknown.low) for unknown in self.unknowns])
         self._high = np.concatenate([unknown.units(unknown.high) for unknown in self.unknowns])
-        # The bounds of renders, which are inside of the bounds of the unknowns.
+        # The bounds of rendered units, which are inside the bounds of the unknowns.
         margin = np.minimum(_BOUND_MARGIN, 0.25 * (self._high - self._low))
         self._inner_bounds = self._low + margin, self._high - margin
         initial = [unknown.unit(np.array(unknown.constant.value)) for unknown in self.unknowns]
@@ -203,7 +207,7 @@ class Search:
             return self._result(before, ends, converged, interrupted, start_time)
 
     def _find_starts(self) -> tuple[list[Floats], float]:
-        """Return the starts to follow, best first, and the loss of the look's original values."""
+        """Return the units of the starts to follow, best first, and the loss of the look's original values."""
         settings = self.settings
         trials = [self._initial]
         if settings.start_count > 1:
@@ -329,7 +333,8 @@ class Search:
     def _render_in_units(self, unit: Floats, with_derivatives: bool, samples: int, seeds: tuple[int, int]) -> Floats:
         """Render a picture and its derivatives with respect to units, as halves (2, 1 + P, H, W, C).
 
-        Both are multiplied by the exposure, if that is an unknown. C is the number of channels of the target.
+        If the exposure is an unknown, the picture and its derivatives are multiplied by its factor. C is the number of
+        channels of the target.
         """
         parts = [(unknown, unit[part]) for unknown, part in self._slices()]
         values = {
@@ -407,11 +412,11 @@ class Search:
             first += unknown.width
 
     def _clip(self, unit: Floats) -> Floats:
-        """Return units clipped to their bounds, less the margin `_BOUND_MARGIN`."""
+        """Return units clipped to the bounds of rendered units, which have the margin `_BOUND_MARGIN`."""
         return np.asarray(np.clip(unit, *self._inner_bounds))
 
     def _snap_to_bounds(self, unit: Floats) -> Floats:
-        """Return units in which those that `_clip` keeps off a bound are replaced by the bound."""
+        """Return units; a unit that `_clip` keeps off a bound is replaced by the bound."""
         low, high = (np.abs(unit - end) < 1e-6 for end in self._inner_bounds)
         return np.where(low, self._low, np.where(high, self._high, unit))
 

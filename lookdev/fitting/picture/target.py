@@ -30,10 +30,11 @@ _MIN_DARK_ERROR = 0.02
 
 
 def block_side(size: tuple[int, int], pixels: int) -> int:
-    """Return the side of the square blocks of pixels that are compared with one pixel of a render.
+    """Return the side of the square blocks of the picture; a block is compared with one pixel of a render.
 
-    `size` is the width and the height of the picture. The side divides both, and is the largest that leaves at least
-    `pixels` blocks, or 1. Renders have a box filter, so the mean of a block corresponds to a pixel of a render.
+    `size` is the width and the height of the picture. The side divides both. It is the largest side that leaves at
+    least `pixels` blocks, or 1 if there is none. Renders have a box filter, so the mean of a block corresponds to a
+    pixel of a render.
     """
     common = gcd(*size)
     sides = [side for side in range(1, common + 1) if common % side == 0]
@@ -93,8 +94,8 @@ class Target:
     def loss(self, a: Floats, b: Floats) -> float:
         """Return the weighted squared difference of two independent renders (H, W, C) from the picture, without bias.
 
-        It is divided by the weighted square of the picture. If it is smaller than the noise of the renders, it may be
-        negative.
+        The difference is divided by the weighted square of the picture. If it is smaller than the noise of the renders,
+        the result may be negative.
         """
         return float((self.weight * (a - self.value) * (b - self.value)).sum() / self.scale)
 
@@ -122,7 +123,7 @@ def _block_minima(values: Floats, side: int) -> Floats:
 
 
 def _mean_of_neighbours(values: Floats, weights: Floats) -> Floats:
-    """Return the weighted mean of each pixel's 24 neighbours, (H, W, C), or of all pixels if these have no weight."""
+    """Return the weighted mean (H, W, C) of each pixel's 24 neighbours, or of all pixels if they have no weight."""
     kernel = np.ones((5, 5))
     kernel[2, 2] = 0.0
     total = convolve(weights, kernel, mode="constant")

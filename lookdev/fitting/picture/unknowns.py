@@ -26,7 +26,7 @@ class Unknown:
     """A constant that is searched between `low` and `high`; starts are drawn within `start_range`.
 
     The search works with scaled numbers, called units. A unit is the number divided by the width of `start_range`. For
-    a wide range it is log(1 + number), divided by log(1 + the upper end of `start_range`).
+    a wide range, a unit is log(1 + number), divided by log(1 + the upper end of `start_range`).
     """
 
     constant: Constant
@@ -84,9 +84,9 @@ EXPOSURE = Unknown(Constant("exposure", -1, ("exposure",), _EXPOSURE, (0.0,)), *
 def parse_unknowns(look: Look, names: Sequence[str]) -> tuple[Unknown, ...]:
     """Return the unknowns of a look by names of its constants: ``roughness``, ``Flakes.mask``, ``sheen=0..0.3``.
 
-    A range after the name sets the bounds; without it, they are the hard range of the parameter. An input of an
-    expression has no such range, so its bounds must be given. Raises LookdevError if they are not, if a name is unknown
-    or repeated, or if a range is invalid.
+    A range after the name sets the bounds; without a range, the bounds are the hard range of the parameter. An input of
+    an expression has no hard range, so its bounds must be given. Raises LookdevError if they are not given, if a name
+    is unknown or repeated, or if a range is invalid.
     """
     unknowns: list[Unknown] = []
     for text in names:

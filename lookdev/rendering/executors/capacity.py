@@ -1,6 +1,6 @@
 """Measures idle cores and free memory of this machine, by proc(5) and cgroups(7).
 
-Executors decide by these how many workers to start.
+From these figures, executors decide how many workers to start.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from lookdev.rendering.threads import usable_cores
 
 _TICKS = os.sysconf("SC_CLK_TCK")  # clock ticks per second: the unit of times in /proc is one tick
 _RESERVE = 0.1  # the share of the machine's memory that is left to other processes
-_MIN_GAIN = 0.5  # another worker gains little with fewer idle cores than this share of those that a worker uses now
+_MIN_GAIN = 0.5  # another worker needs at least this share of the cores that a worker uses now to be idle
 _START_SECONDS = 30.0  # with less work than this left, another worker gains little: starting and compiling take time
-_GROWTH = 1.5  # another worker may take this factor of the peak memory of a worker so far
+_GROWTH = 1.5  # another worker may need this factor times the peak memory that a worker has used so far
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class CpuUse:
 
     @classmethod
     def of(cls, processes: Iterable[int]) -> CpuUse:
-        """Measure the use of some running processes, by their ids, and of this one."""
+        """Measure the use by some running processes, given by their ids, and by this process."""
         used = sum(map(_cpu_seconds, {os.getpid(), *processes}))
         allowed = {f"cpu{number}" for number in os.sched_getaffinity(0)}
         rows = (line.split() for line in Path("/proc/stat").read_text().splitlines())
@@ -51,8 +51,8 @@ def idle_cores(before: CpuUse, now: CpuUse) -> float:
 def is_worker_worthwhile(workers: int, idle: float, left: float, memory: int, free: int) -> bool:
     """Return whether one more worker gains more than it costs.
 
-    workers : how many run now; idle : cores that are not used; left : seconds of work that remain for each worker;
-    memory : bytes that a worker takes; free : bytes that are free.
+    workers : the number of workers that run now; idle : the number of idle cores; left : the seconds of work that
+    remain for each worker; memory : the bytes that a worker takes; free : the free bytes.
     """
     used = (usable_cores() - idle) / workers
     return idle > 0.0 and idle >= _MIN_GAIN * used and left > _START_SECONDS and free > _GROWTH * memory

@@ -1,7 +1,7 @@
-"""The kinds of executors, and the choice of one by options of the command line.
+"""The kinds of executors, and the choice of an executor by options of the command line.
 
-An executor renders the frames of a run on workers: those of this machine, those of a Dask cluster, or a warm worker,
-which stays alive between runs.
+An executor renders the frames of a run on workers: on workers of this machine, on workers of a Dask cluster, or on a
+warm worker, which stays alive between runs.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ class ExecutorOptions:
     address
         The address of the executor; "" if it has none.
     workers
-        The number of workers. None leaves it to the executor.
+        The number of workers. With None, the executor chooses the number.
     device
-        The kind of device, such as ``"cuda"``, which replaces the job's. None leaves it to the job.
+        The kind of device, such as ``"cuda"``. It replaces the device of the job, unless it is None.
     device_numbers
         The numbers of the devices of that kind to use, as the vendor's tools count them; () means all.
     shared_output
-        Whether workers write the files of frames, to a file system that they share with this machine.
+        Whether workers themselves write the files of frames, to a file system that they share with this machine.
     """
 
     kind: str = "local"
@@ -61,14 +61,14 @@ class ExecutorKind:
     """A kind of executor, and the options that it has."""
 
     help: str
-    address: str  # an example of its address, for messages; "" if it has none
+    address: str  # an example of an executor's address, for messages; "" if such executors have no address
     open: Callable[[ExecutorOptions, WorkerFiles, StoreFrame], Executor]
     needs_address: bool = False
     has_worker_count: bool = False  # whether the user sets the number of its workers
     can_store: bool = False  # whether its workers can write the files of frames
 
 
-# By kind of device: the environment variable that restricts a process to some devices of this machine.
+# The environment variable that restricts a process to some devices of this machine, by the kind of device.
 _VISIBLE_DEVICES = {
     "cuda": "CUDA_VISIBLE_DEVICES",
     "optix": "CUDA_VISIBLE_DEVICES",
@@ -111,9 +111,9 @@ EXECUTORS: dict[str, ExecutorKind] = {
 
 
 def open_executor(choice: ExecutorOptions, files: WorkerFiles, store: StoreFrame) -> Executor:
-    """Return the executor that the options choose, a context manager.
+    """Return the executor that the options choose. It is a context manager.
 
-    `store` writes the file of a frame. Raises LookdevError where the executor does not have one of the options.
+    `store` writes the file of a frame. Raises LookdevError where the executor does not support one of the options.
     """
     return EXECUTORS[choice.kind].open(choice, files, store)
 
@@ -121,8 +121,8 @@ def open_executor(choice: ExecutorOptions, files: WorkerFiles, store: StoreFrame
 def choose_executor(executor: str, *, workers: int | None, device: str | None, shared_output: bool) -> ExecutorOptions:
     """Parse and check the options of the command line.
 
-    executor : such as ``dask:tcp://host:8786``; device : such as ``cuda:0,1``. Raises LookdevError where an option is
-    wrong, or does not fit the executor.
+    executor : an executor, such as ``dask:tcp://host:8786``; device : a device, such as ``cuda:0,1``. Raises
+    LookdevError where an option is wrong, or does not fit the executor.
     """
     kind, _, address = executor.partition(":")
     record = EXECUTORS.get(kind)
@@ -162,8 +162,8 @@ def _parse_device(text: str) -> tuple[str, tuple[int, ...]]:
 def device_environments(choice: ExecutorOptions) -> tuple[Mapping[str, str], ...]:
     """Return sets of environment variables that restrict workers to the chosen devices.
 
-    Worker i takes set i modulo the number of sets. If there are several workers, each set has one device. A single
-    worker has all devices.
+    Worker i takes set i modulo the number of sets. If there are several workers, each set names one device. For a
+    single worker, there is one set, which names all chosen devices.
     """
     if choice.device is None or not choice.device_numbers:
         return ({},)

@@ -4,8 +4,8 @@
 
 The executor submits chunks to Dask. A chunk is one task of Dask, and consists of frames of one scene that take about 15
 seconds (`frame_queue`). Each worker gets two chunks of its scene at a time. An adaptive scheduler then sees more work
-than its workers can do, and starts more workers. The chunks of a lost worker go to others. If a worker answers that it
-lacks files, the executor sends them, once. `dask_worker` is the code that runs on the workers.
+than its workers can do, and starts more workers. The chunks of a lost worker go to other workers. If a worker answers
+that it lacks files, the executor sends them, once. `dask_worker` is the code that runs on the workers.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ _PART_BYTES = 32 << 20  # the most bytes of a file in one message
 _CHUNKS_PER_WORKER = 2  # a worker renders one chunk while the next is sent
 _POLL = 1.0  # seconds between checks of the cluster
 _NO_WORKER_NOTE = 15.0  # seconds without a worker after which the user gets a note
-_CORES_PER_WORKER = 4  # in a cluster on this machine
-_MEMORY_PER_WORKER = 2 << 30  # bytes, in a cluster on this machine
+_CORES_PER_WORKER = 4  # the cores for each worker of a cluster on this machine
+_MEMORY_PER_WORKER = 2 << 30  # the bytes for each worker of a cluster on this machine
 
 
 @dataclass(eq=False)
@@ -82,21 +82,21 @@ class _Chunk:
 
 
 class DaskExecutor:
-    """Renders on workers of Dask: those of a cluster that it starts, or those of a scheduler at an address.
+    """Renders on the workers of a Dask cluster, which it starts itself, or whose scheduler is at an address.
 
     Parameters
     ----------
     files
-        The scratch folder, which is in the output folder, and the timeout of workers. Its command is not used: see
-        `command`.
+        The scratch folder, which is in the output folder, and the timeout of workers. `WorkerFiles.command` is not
+        used: `command` takes its place.
     address
         The address of the scheduler. "" starts a cluster on this machine.
     workers
         The number of workers in a cluster on this machine. None starts one for each `_CORES_PER_WORKER` cores, as
         memory allows.
     store
-        The function by which workers write the files of frames. If it is None, workers return pixels to the caller, who
-        writes them.
+        The function that workers call to write the files of frames. If it is None, workers return pixels to the caller,
+        who writes the files.
     command
         The command of the renderer that each worker of Dask starts. None takes the command of the backend.
     """
@@ -111,14 +111,14 @@ class DaskExecutor:
     ) -> None:
         self._files, self._address, self._count = files, address, workers
         self._store, self._command = store, command
-        self._run = secrets.token_hex(4)  # a random name of the run, so that runs on one cluster differ
+        self._run = secrets.token_hex(4)  # a random name, so that several runs on one cluster have different names
         self._stack = ExitStack()
-        # Chunks that have ended, and events of frames, from threads of Dask.
+        # Threads of Dask put chunks that have ended, and events of frames, into this queue.
         self._incoming: queue.SimpleQueue[_Chunk | ExecutorEvent] = queue.SimpleQueue()
         self._task_of_digest: dict[str, FrameTask] = {}
         self._started: set[str] = set()  # digests of the frames that a renderer has started
-        self._in_flight: set[_Chunk] = set()  # submitted, and without a result that was handled
-        self._unfit: dict[str, str] = {}  # by the address of a worker that cannot render: the reason
+        self._in_flight: set[_Chunk] = set()  # submitted chunks whose results are not handled yet
+        self._unfit: dict[str, str] = {}  # the reason why a worker cannot render, by the worker's address
         self._workers_per_machine = 1  # the number of workers that share the cores of a machine, if known
         self._workers: set[str] = set()  # the addresses of workers at the last check
         self._number = 0  # number of chunks submitted so far
@@ -250,7 +250,10 @@ class DaskExecutor:
         return f"lookdev-{self._run}"
 
     def _create_shared_marker(self) -> Path | None:
-        """Create a file in the output folder, if workers write there, and return it; workers check that they see it."""
+        """Create a file in the output folder, and return its path; None if workers do not write there.
+
+        By this file, workers check that they see the output folder.
+        """
         if self._store is None:
             return None
         mark = self._files.scratch / f"shared-{self._run}"
@@ -258,7 +261,7 @@ class DaskExecutor:
         return mark
 
     def _submit_chunk(self, chunk: _Chunk) -> None:
-        """Submit a chunk to Dask. When it has ended, it is put into `_incoming`."""
+        """Submit a chunk to Dask. When the chunk has ended, it is put into `_incoming`."""
         self._number += 1
         chunk.future = self._client.submit(
             render_chunk,
@@ -278,7 +281,7 @@ class DaskExecutor:
         result: ChunkResult
         try:
             result = self._result_of(chunk)
-        except Exception as error:  # noqa: BLE001  whatever the worker raised, or Dask of lost workers
+        except Exception as error:  # noqa: BLE001  an error of the worker, or an error of Dask about lost workers
             yield from self._render_again(chunk, _error_line(error))
             return
         match result:
@@ -343,13 +346,13 @@ class DaskExecutor:
                 self._submit_chunk(_Chunk(tasks, losses=losses))
 
     def _exclude_worker(self, worker: str, reason: str) -> Iterator[ExecutorEvent]:
-        """Assign no more chunks to a worker, and yield a note on that."""
+        """Exclude a worker from further chunks, and yield a note about this."""
         if worker not in self._unfit:
             self._unfit[worker] = reason
             yield ExecutorNote(f"left out: {reason}")
 
     def _send_files(self, worker: str, files: Sequence[Content]) -> None:
-        """Send files to the content store of a worker, in parts; raises OutputError where it cannot store them."""
+        """Send files to the content store of a worker, in parts; raises OutputError where a file cannot be stored."""
         for file in files:
             size = file.path.stat().st_size
             with file.path.open("rb") as stream:
@@ -361,7 +364,7 @@ class DaskExecutor:
                         raise OutputError(f"worker {worker} cannot keep a file: {answers[worker]}")
 
     def _check_versions(self, backend: str) -> None:
-        """Raise WorkerError where the versions of a connected worker differ from those of this process."""
+        """Raise WorkerError where the versions of a connected worker differ from the versions of this process."""
         try:
             by_worker = self._client.run(package_versions, backend, on_error="return")
         except Exception as error:
@@ -426,7 +429,7 @@ class DaskExecutor:
 
 
 async def _connect_once(address: str) -> None:
-    """Raise ValueError where an address is malformed, OSError where no scheduler answers at it."""
+    """Raise ValueError where an address is malformed, and OSError where no scheduler answers at the address."""
     from distributed.comm import connect
     from distributed.security import Security
 

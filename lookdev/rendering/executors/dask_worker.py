@@ -1,8 +1,8 @@
 """The functions that run on workers of Dask: they render chunks of frames, and receive files.
 
 `lookdev.rendering.executors.dask` calls these functions, also on other machines. A chunk arrives pickled, and is
-unpickled only if both sides have equal versions of all packages. The result of a chunk has an answer for each frame, or
-the reason why no frame was rendered. The renderer, a child process, stays alive between chunks.
+unpickled only if both sides have equal versions of the packages that render frames. The result of a chunk has an answer
+for each frame, or the reason why no frame was rendered. The renderer, a child process, stays alive between chunks.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from distributed import Worker as DaskWorker
 
 IDLE_SECONDS = 300.0
-"""Seconds without a chunk after which a renderer is ended, so that others can use its memory."""
+"""Seconds without a chunk after which a renderer is ended, so that other processes can use its memory."""
 
 _POLL = 0.5  # seconds between checks whether the chunk is cancelled, and between reports of progress
 _APPEARANCE_TIMEOUT = 5.0  # seconds within which a new file must be visible on a shared file system
@@ -46,13 +46,13 @@ class ChunkRequest:
 
     frames: bytes  # the pickled list of tasks
     backend: str
-    versions: Mapping[str, str]  # of packages on the machine that sends the request
-    topic: str  # of Dask's event log, for `WorkerEvent`
+    versions: Mapping[str, str]  # the versions of packages on the machine that sends the request, by name
+    topic: str  # the topic of Dask's event log under which the worker logs each `WorkerEvent`
     timeout: float  # seconds without an answer after which the renderer counts as hung
     store: StoreFrame | None = None  # writes a frame to the shared output folder; without it, answers have pixels
-    shared_marker: Path | None = None  # a file in the shared output folder, by which a worker checks that it sees it
-    command: tuple[str, ...] | None = None  # of the renderer; replaces that of the backend, in tests
-    # How many workers share the cores of a machine. If there are several, the name of each is its number.
+    shared_marker: Path | None = None  # a file by which a worker checks that it sees the shared output folder
+    command: tuple[str, ...] | None = None  # the renderer's command; tests use it in place of the backend's command
+    # The number of workers that share the cores of a machine. If there are several, the name of each is its number.
     workers_per_machine: int = 1
 
 
@@ -62,14 +62,14 @@ class FrameAnswer:
 
     number: int  # the index of the frame in the chunk
     result: WorkerFrame | StoredFrame | str  # pixels, or figures of a written file, or the reason of a failure
-    seconds: float  # from the start of the frame to its result
+    seconds: float  # the time from the start of the frame to its result
 
 
 @dataclass(frozen=True)
 class ChunkAnswers:
     """The results of the frames of a chunk."""
 
-    worker: str  # address
+    worker: str  # the worker's address
     frames: list[FrameAnswer]
 
 
@@ -102,8 +102,8 @@ ChunkResult = ChunkAnswers | MissingFiles | UnfitWorker | UnwritableOutput
 class WorkerEvent(TypedDict, total=False):
     """An event of a frame that a worker logs: the start of the frame, a failed try, or progress."""
 
-    digest: str  # of the frame, in every event
-    started: bool  # in the event of the start
+    digest: str  # the digest of the frame, in every event
+    started: bool  # only in the event of the start
     # In the event of a failed try, as in `Retried`:
     reason: str
     attempt: int
@@ -147,8 +147,8 @@ def render_chunk(request: ChunkRequest) -> ChunkResult:
 def receive_file_part(name: str, digest: str, offset: int, data: bytes, is_last: bool) -> str:
     """Write a part of a file for the content store; after the last part, check and store the file.
 
-    name : that of the file in the store; digest : of the whole file; offset : bytes before this part. Returns the
-    message of an error, or "".
+    name : the file's name in the store; digest : the digest of the whole file; offset : the number of bytes before this
+    part. Returns the message of an error, or "".
     """
     part = cache_dir("content") / f".{name}.{os.getpid()}.part"  # workers of one machine share the folder
     try:
@@ -189,7 +189,7 @@ def _render_frame(
 
     `number` is the index of the frame in the chunk. `is_cancelled` returns whether the chunk is cancelled.
     """
-    started, last_report = time.monotonic(), [0.0]  # a list, which `on_progress` can change
+    started, last_report = time.monotonic(), [0.0]  # the time is in a list, so that `on_progress` can change it
 
     def log_event(**fields: Unpack[WorkerEvent]) -> None:
         dask_worker.log_event(request.topic, {"digest": task.digest, **fields})
@@ -214,7 +214,7 @@ def _render_frame(
 
 @contextmanager
 def _stop_if_cancelled(dask_worker: DaskWorker, worker: Worker) -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns whether this thread's chunk is cancelled; stop the renderer if that happens."""
+    """Yield a function that returns whether this thread's chunk is cancelled; stop the renderer if it is."""
     key, is_over, cancelled = dask_worker.get_current_task(), threading.Event(), threading.Event()
 
     def poll() -> None:
@@ -239,7 +239,7 @@ class _Renderer:
     def __init__(self) -> None:
         self._lock = threading.Lock()  # held by the thread that uses the renderer
         self._worker: Worker | None = None
-        self._settings: object = None  # those of the running renderer: other settings need another one
+        self._settings: object = None  # the settings of the running renderer: other settings need another renderer
         self._idle: threading.Timer | None = None  # ends the renderer
 
     @contextmanager
@@ -254,7 +254,7 @@ class _Renderer:
             settings = (command, cores, request.timeout)
             if self._worker is None or self._settings != settings:
                 self._end_renderer()
-                # Dask removes the folder when its worker ends. If Dask's worker is killed, a later one removes it.
+                # Dask removes this folder when its worker ends. If Dask's worker is killed, a later worker removes it.
                 scratch = Path(tempfile.mkdtemp(prefix="lookdev-", dir=dask_worker.local_directory))
                 log = scratch / "worker.log"
                 self._worker = Worker(command, log, scratch, request.timeout, cores=cores)

@@ -22,8 +22,8 @@ class FrameQueue:
     """Waiting frames by scene, and the scene that each worker renders.
 
     A worker stays with its scene while the scene has waiting frames. Then it takes the first scene that no other worker
-    renders. If there is none, it joins the workers of the scene with the most waiting frames per worker, if its share
-    of these frames takes longer than a change of scene.
+    renders. If there is no such scene, the worker joins the scene with the most waiting frames per worker. It does so
+    only if its share of these frames takes longer than a change of scene.
     """
 
     def __init__(self, tasks: Iterable[FrameTask]) -> None:
@@ -32,8 +32,9 @@ class FrameQueue:
             # All frames of a scene refer to the same `SceneTask`. Its id identifies the scene, without a slow
             # comparison of values.
             self._waiting.setdefault(id(task.scene), deque()).append(task)
-        self._scene_of: dict[Hashable, int] = {}  # by worker
-        # By scene: the seconds of the latest frame that was not its worker's first frame of the scene.
+        self._scene_of: dict[Hashable, int] = {}  # the id of the scene that each worker renders, by worker
+        # The seconds that the latest frame of each scene took, by scene. Each worker's first frame of a scene does not
+        # count.
         self._seconds: dict[int, float] = {}
         self._change_seconds = _CHANGE_SECONDS
 
@@ -57,7 +58,7 @@ class FrameQueue:
         self._scene_of.pop(worker, None)
 
     def frame_seconds(self, task: FrameTask) -> float | None:
-        """Return the seconds that a frame of the same scene as `task` took, or None until one is measured."""
+        """Return the seconds that the latest measured frame of a task's scene took; None if no frame is measured."""
         return self._seconds.get(id(task.scene))
 
     def record_time(self, task: FrameTask, seconds: float, *, first: bool) -> None:
@@ -109,7 +110,7 @@ class ChunkQueue:
         self._frames.remove_worker(worker)
 
     def next_chunk(self, worker: str, workers: int) -> list[FrameTask]:
-        """Return frames of one scene for a worker; none if other workers are to render the waiting frames.
+        """Remove and return frames of one scene for a worker; none if other workers are to render the waiting frames.
 
         `workers` is the number of all workers.
         """

@@ -37,7 +37,8 @@ _MEASURED_SECONDS = 4.0
 _SHORT_FRAME = 5.0
 """A worker whose last frame took at most this many seconds gets its next frame ahead of time.
 
-With longer frames, the other workers would be idle at the end while this frame waits for its worker.
+If longer frames were assigned ahead of time, other workers could be idle at the end of the run while such a frame still
+waits for its worker.
 """
 
 
@@ -49,9 +50,9 @@ class _ThreadError:
 
 
 class _WorkerThread:
-    """A worker and its thread, which has the worker render assigned frames and reports to a queue.
+    """A worker and its thread. The thread has the worker render assigned frames, and reports to a queue.
 
-    All threads share the queue. Its entries are a thread and an event or error.
+    All threads share the queue. An entry is a pair of a thread and its event or error.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class _WorkerThread:
         self._closing = False
 
     def assign(self, task: FrameTask) -> None:
-        """Queue a frame, to be rendered after those that were assigned before."""
+        """Queue a frame: it is rendered after the frames that were assigned before."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._serve, daemon=True)
             self._thread.start()
@@ -84,7 +85,7 @@ class _WorkerThread:
         self.worker.kill()
 
     def _serve(self) -> None:
-        """Render the assigned frames, in the thread, until it is to end."""
+        """Render the assigned frames, in the thread, until the thread is to end."""
         while (task := self._inbox.get()) is not None and not self._closing:
             try:
                 self._render(task)
@@ -120,7 +121,8 @@ class LocalExecutor:
     workers
         The number of workers. None starts one worker, and adds others while cores and memory are idle.
     devices
-        Sets of environment variables, as `device_environments` returns them. Worker i takes set i modulo their number.
+        Sets of environment variables, as `device_environments` returns them. Worker i takes set i modulo the number of
+        sets.
     """
 
     def __init__(
@@ -185,9 +187,9 @@ class LocalExecutor:
             yield event
 
     def _is_worker_worthwhile(self, frames: FrameQueue, memory: int, seconds: float) -> bool:
-        """Return whether another worker is worth it, by idle cores since the last measurement and by free memory.
+        """Return whether another worker gains more than it costs, by idle cores since the last measurement and memory.
 
-        memory : bytes that a worker takes; seconds : those of a frame.
+        memory : the bytes that a worker takes; seconds : the seconds that a frame takes.
         """
         now = CpuUse.of(pid for thread in self._threads if (pid := thread.worker.pid) is not None)
         before = self._use_before

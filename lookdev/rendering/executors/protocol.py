@@ -19,7 +19,7 @@ CRASH_TRIES = 3
 """The most tries of a frame whose worker dies, hangs or sends an invalid answer: a previous frame may be the cause."""
 
 CLEAN_TRIES = 2
-"""The most tries of a frame that a worker reports as failed. Most such errors recur, so they are few."""
+"""The most tries of a frame that a worker reports as failed. Most such errors recur, so more tries would not help."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Retried:
 
 @dataclass(frozen=True)
 class StoredFrame:
-    """The figures of a frame whose file its worker has written; the fields are those of `WorkerFrame`."""
+    """The figures of a frame whose file its worker has written; the fields are as in `WorkerFrame`."""
 
     samples: int
     relmse: float
@@ -90,7 +90,7 @@ FrameFilter = Callable[[FrameTask], bool]
 """Returns whether a frame is still to be rendered: another run may have rendered it meanwhile."""
 
 StoreFrame = Callable[[FrameTask, WorkerFrame], StoredFrame]
-"""Writes the files of a frame. It is a function of a module, so that it can be pickled and sent to other machines."""
+"""Writes the files of a frame. The function is at the top level of a module, so that it can be pickled and sent."""
 
 
 class Executor(AbstractContextManager["Executor"], Protocol):
@@ -100,7 +100,7 @@ class Executor(AbstractContextManager["Executor"], Protocol):
         """Start workers without waiting for them. An executor that cannot do this does nothing."""
 
     def prepare(self, scene: SceneTask) -> None:
-        """Take a scene before its first frame, so that frames with its looks start sooner.
+        """Prepare for a scene before its first frame, so that frames with the scene's looks start sooner.
 
         An executor that cannot do this does nothing.
         """

@@ -1,7 +1,7 @@
 """A process that a run starts in place of a worker, and that forwards all lines to a running worker at a socket.
 
-Its arguments are ``SOCKET COMMAND``; COMMAND is the command of the worker as a JSON list. The server at the socket is
-that of `lookdev.rendering.executors.warm`.
+Its arguments are ``SOCKET COMMAND``; COMMAND is the command of the worker as a JSON list. The server at the socket is a
+`WarmServer` (`lookdev.rendering.executors.warm`).
 """
 
 from __future__ import annotations

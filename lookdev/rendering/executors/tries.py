@@ -18,10 +18,10 @@ def render_with_retries(
     on_retry: Callable[[Retried], None],
     is_ended: Callable[[], bool] = lambda: False,
 ) -> WorkerFrame | GivenUp:
-    """Render a frame, and try again if its worker dies or fails, until `is_ended` returns that the run has ended.
+    """Render a frame, and try again if its worker dies or fails.
 
-    After the last try, the result is a `GivenUp`. Raises WorkerError where the worker does not start, OutputError where
-    it cannot write.
+    After the last try, or once `is_ended` returns that the run has ended, the result of a failed try is a `GivenUp`.
+    Raises WorkerError where the worker does not start, and OutputError where the worker cannot write.
     """
     attempt = 1
     while True:

@@ -32,7 +32,7 @@ def package_versions(backend: str) -> dict[str, str]:
 
 
 def version_mismatch(local: Mapping[str, str], remote: Mapping[str, str], worker: str) -> str:
-    """Return a message on how a worker's `remote` versions differ from the `local` ones, or "" if they are equal."""
+    """Return a message about differences of a worker's `remote` versions from the `local` versions, or ""."""
     differences = [
         f"{name} {remote.get(name, 'none')}, here {value}" for name, value in local.items() if remote.get(name) != value
     ]

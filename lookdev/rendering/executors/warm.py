@@ -44,7 +44,7 @@ class WarmExecutor(LocalExecutor):
         super().__init__(replace(files, command=relay_command(path, files.command)))
 
     def prepare(self, scene: SceneTask) -> None:
-        """Do nothing: the renderer may have the compiled scene of an earlier run, which this one would replace."""
+        """Do nothing: the renderer may have the compiled scene of an earlier run, which `scene` would replace."""
 
 
 def relay_command(path: Path, command: tuple[str, ...]) -> tuple[str, ...]:
@@ -55,8 +55,8 @@ def relay_command(path: Path, command: tuple[str, ...]) -> tuple[str, ...]:
 def start(path: Path, backend: str, idle: int = IDLE_SECONDS) -> None:
     """Start a server with a renderer at a socket, and return when it answers.
 
-    path : of the socket; idle : seconds without a run after which the server ends. Raises LookdevError where a server
-    is there already or the path is too long, WorkerError where the server does not start.
+    path : the path of the socket; idle : the seconds without a run after which the server ends. Raises LookdevError
+    where a server is there already or the path is too long, and WorkerError where the server does not start.
     """
     if backend not in BACKENDS:
         raise LookdevError(f"unknown backend '{backend}'; known: {', '.join(BACKENDS)}")
@@ -178,17 +178,20 @@ class WarmServer:
         return True
 
     def _refusal(self, command: list[str], code: str) -> str:
-        """Return why a run with this command and this digest of the package's code cannot use the renderer, or ""."""
+        """Return why a run cannot use the renderer, or "". `command` and `code` are from the request of the run.
+
+        `code` is the digest of the package's code.
+        """
         again = f"'lookdev warm stop {self._path}', and start it again"
         if tuple(command) != self._command:
             return f"the worker kept at {self._path} is of another backend, or another installation: {again}"
         return "" if code == package_digest() else f"the worker kept at {self._path} is of another version: {again}"
 
     def _relay(self, connection: socket.socket) -> None:
-        """Copy lines between a run and the renderer until either ends; then replace a renderer that is still busy.
+        """Copy lines between a run and the renderer until either ends; then replace the renderer if it is still busy.
 
-        The renderer is busy from a task of the run until its last answer for that task. `tails` has the incomplete last
-        line of each side.
+        The renderer is busy from the moment it gets a task until its last answer for that task. `tails` has the
+        incomplete last line of each side, by the file descriptor of the side.
         """
         process = self._start_renderer()
         assert process.stdin is not None
@@ -223,7 +226,7 @@ class WarmServer:
             self._start_renderer()
 
     def _start_renderer(self) -> subprocess.Popen[bytes]:
-        """Return the renderer when it is ready; start one if none runs."""
+        """Return the running renderer; if none runs, start one and wait until it is ready."""
         if self._process is None or self._process.poll() is not None:
             self._end_renderer()
             self._process = subprocess.Popen(
@@ -263,7 +266,7 @@ def _private_files() -> Iterator[None]:
 
 
 def main() -> None:
-    """Run a server; the arguments are the path of its socket, a backend, and the idle seconds after which it ends."""
+    """Run a server; the arguments are the path of its socket, a backend, and the `idle` seconds of `WarmServer`."""
     path, backend, idle = sys.argv[1:]
     with tempfile.TemporaryDirectory(prefix="lookdev-warm-") as scratch:
         WarmServer(Path(path), BACKENDS[backend].command, float(idle), Path(scratch)).serve()
