@@ -86,6 +86,11 @@ def compare_pixels(halves: Reals, samples: int, reference: Estimate) -> Agreemen
     variance = halves.var(axis=0, ddof=1) / count
     # The lower bound of the frame's variance: the reference's variance, scaled to the number of the frame's directions.
     min_variance = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
+    # Where some halves are 0, light arrives by rare events, and their number is a Poisson variable. The spread of a few
+    # halves can miss all of them, so their size is that of the largest event which such a pixel shows.
+    is_rare = (halves == 0.0).any(axis=0)
+    event = np.where(is_rare, halves, 0.0).max(axis=(0, 1))
+    min_variance = np.maximum(min_variance, np.where(is_rare, np.maximum(reference.value, 0.0) * event / count, 0.0))
     frame_variance, reference_variance = np.maximum(variance, min_variance), reference.error**2
     error = np.maximum(np.sqrt(frame_variance + reference_variance), _FLOOR)
     # The degrees of freedom of Welch and Satterthwaite.

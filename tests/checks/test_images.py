@@ -52,6 +52,27 @@ def test_a_hundred_right_frames_pass(tails):
     assert sum(not Case(seed, tails).check().passed for seed in range(100)) <= 1
 
 
+def rare_light(case, rng):
+    """Make half of the pixels as dark as light that one half in twenty finds; the reference has little noise there."""
+    dark = np.arange(COUNT) < COUNT // 2
+    columns, rows = case.pixels[dark].T
+    mean, chance = 3e-4, 0.05
+    hits = rng.binomial(1, chance, (HALVES, len(rows), 1)) * (mean / chance)
+    case.halves[:, rows, columns] = np.broadcast_to(hits, (HALVES, len(rows), 3))
+    error = np.where(dark[:, None], 0.1 * mean, case.reference.error)
+    value = np.where(dark[:, None], mean, case.reference.value)
+    case.reference = Estimate(value, error, case.reference.samples, case.reference.scrambles)
+    return case
+
+
+def test_rare_light_is_no_fault_and_hides_none():
+    cases = [rare_light(Case(seed), np.random.default_rng(seed)) for seed in range(100)]
+    assert sum(not case.check().passed for case in cases) <= 1
+    column, row = cases[0].brightest
+    cases[0].halves[:, row, column] = 0.0
+    assert cases[0].check().figures["suspicious"] == 1
+
+
 def test_the_finding_of_a_right_frame():
     finding = Case().check()
     assert finding.check == "image"
