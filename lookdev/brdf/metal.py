@@ -107,7 +107,7 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
         token_parameter(
             "metalColor",
             METAL_COLORS,
-            "Of a metal by name. nearest: as its spectra reflect red, green, blue. bands: means over wavelengths.",
+            "How a metal gets eta and k of red, green, blue. nearest: by its reflectance. bands: by means of its spectra.",
             agreement="own",
             expand=expand_tokens,
         ),

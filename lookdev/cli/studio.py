@@ -31,7 +31,8 @@ Browser = Annotated[bool, Option("--browser/--no-browser", help="Open the page i
 @app.command(rich_help_panel=_PANEL)
 def explore(
     subjects: Annotated[
-        list[str] | None, Argument(metavar="[WHAT]...", help="The first surfaces, in the words of plot.")
+        list[str] | None,
+        Argument(metavar="[WHAT]...", help="The surfaces to show first, written as for 'lookdev plot'."),
     ] = None,
     root: Annotated[
         list[Path] | None,

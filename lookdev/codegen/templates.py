@@ -32,7 +32,7 @@ def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
             lines += expand_template(command[1], sections).splitlines()
         elif command:
             if command[0] not in sections:
-                raise CodegenError(f"template {name} has no such section: '{command[0]}'")
+                raise CodegenError(f"there is no section '{command[0]}' for the template {name}")
             lines += sections[command[0]]
         else:
             lines.append(line)

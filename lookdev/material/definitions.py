@@ -101,9 +101,9 @@ def _layer_input_texts(name: str, beneath: str) -> list[str]:
     combined = _layers_phrase([model.title for model in MODELS.values() if model.combine])
     transmitting = _layers_phrase([model.title for model in MODELS.values() if "transmit" in model.modes])
     mode = (
-        f"over: covers what is beneath by the mask; {combined} blend lobes, those of other models parameters. "
-        "transmit: what the layer transmits meets the layers beneath; "
-        f"for {transmitting} over nothing but {transmitting}."
+        f"over: the layer covers the layers beneath by its mask. {combined} blend their lobes, layers of other "
+        "models their parameters. transmit: light that the layer transmits reaches the layers beneath. Only "
+        f"{transmitting} have this mode, over layers of the same kind."
     )
     return [
         _input_text("token", name, f"The layer over {beneath}."),

@@ -66,7 +66,7 @@ def _is_shaped(light: LightPrim) -> bool:
         return False
     for name in schema_names(SHAPING) if light.is_dome else ():
         if light.prim.GetAttribute(name).HasAuthoredValue():
-            light.fault(name, "has no effect: a dome light has no beam", "without it, it would be right")
+            light.fault(name, "has no effect: a dome light has no beam", "remove it")
     return not light.is_dome
 
 
