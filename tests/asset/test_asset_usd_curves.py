@@ -307,6 +307,13 @@ def test_faults_of_curves_are_named(name, value, message):
         shape_of(prim)
 
 
+def test_the_basis_of_linear_curves_has_no_effect() -> None:
+    prim = curves(WIGGLE, kind="linear")
+    expected = shape_of(prim)
+    prim.GetAttribute("basis").Set("")
+    np.testing.assert_array_equal(shape_of(prim).points, expected.points)
+
+
 @pytest.mark.parametrize(
     ("interpolation", "count", "needed"),
     [("uniform", 3, 1), ("vertex", 2, 7), ("varying", 4, 5), ("faceVarying", 7, 1)],

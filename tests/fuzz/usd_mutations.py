@@ -246,7 +246,9 @@ _FLOATS = f"{_NUMBERS}, float2[], float4[], {_OTHERS}"
 _INTS = f"-1, 2^31-1, -2^31, float[], float2[], {_OTHERS}"
 _SCALAR = "string, float3, token, float[], asset, bool"
 _PRIMVAR = "nan, inf, -inf, interpolation foo, interpolation constant, shorter"
-_WORD = _role(refused="'foo', '', control, 500 letters, int, float3, token[], asset", harmless="mistyped")
+_WORDS, _NO_WORD = "'foo', '', control, 500 letters", "int, float3, token[], asset"
+_WORD = _role(refused=f"{_WORDS}, {_NO_WORD}", harmless="mistyped")
+_FREE_WORD = _role(noted=_WORDS, refused=_NO_WORD, harmless="mistyped")  # shown or hidden by the rules of Hydra
 
 ROLES: dict[str, tuple[Mutation, ...]] = {
     # Points of a mesh or curves that other attributes follow, and of a mesh that has none.
@@ -276,8 +278,8 @@ ROLES: dict[str, tuple[Mutation, ...]] = {
     "velocities": _role(refused=f"{_NUMBERS}, {_VECTORS}", sound="same sample, shorter, blocked"),
     "ignored": _role(sound=f"{_TEXTS}, {_NO_ARRAY}, shorter, blocked"),
     "token": _WORD,
-    "visibility": _WORD,
-    "purpose": _WORD,
+    "visibility": _FREE_WORD,
+    "purpose": _FREE_WORD,
     "size": _role(refused=f"-1, {_NUMBERS}, {_SCALAR}, mistyped", named="~0", sound="same sample"),
     "part": _role(refused=f"-1, {_NUMBERS}, {_SCALAR}"),
     "widths": _role(refused=f"{_FLOATS}, ~shorter, ~longer, -1", sound="same sample"),

@@ -119,12 +119,18 @@ def read_number(prim: Usd.Prim, name: str, time: Usd.TimeCode, low: float = -MAX
 
 def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, allowed: Sequence[_Token]) -> _Token:
     """Return a token attribute's value; raises AssetError if it is not one of the allowed values."""
-    value = prim.GetAttribute(name).Get(time)
-    if not isinstance(value, str):
-        raise wrong_type(prim, name, value, "token")
+    value = read_any_token(prim, name, time)
     if value not in allowed:
         raise AssetError(f"{prim.GetPath()}: {name} is {quote(value)} ({nearest_hint(value, allowed)})")
     return allowed[allowed.index(value)]
+
+
+def read_any_token(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> str:
+    """Return a token attribute's value; raises AssetError if it is not a token."""
+    value = prim.GetAttribute(name).Get(time)
+    if not isinstance(value, str):
+        raise wrong_type(prim, name, value, "token")
+    return value
 
 
 def read_texts(prim: Usd.Prim, name: str) -> tuple[str, ...]:

@@ -29,8 +29,8 @@ from lookdev.asset.usd.attributes import check_array, check_interpolation, read_
 from lookdev.asset.usd.primitives import sphere_shape
 from lookdev.errors import AssetError
 
-# The attributes of BasisCurves that choose a spline, and their allowed values.
-_TOKENS = (("type", ("linear", "cubic")), ("basis", ("bezier", "bspline", "catmullRom")), ("wrap", WRAPS))
+_TYPES = ("linear", "cubic")
+_BASES = ("bezier", "bspline", "catmullRom")  # of cubic curves
 _CHORD_TOLERANCE = 5e-4  # the deviation of a chord from its segment, relative to the segment's length
 _MAX_CHORDS = 64  # of a segment
 _MAX_FACES = 1_000_000  # of the curves of a prim
@@ -282,8 +282,9 @@ def _splines(prim: Usd.Prim, time: Usd.TimeCode, counts: Indices) -> Splines:
         ranges = read_array(prim, "ranges", time, np.float64, (2,))
         weights = read_array(prim, "pointWeights", time, np.float64)
         return nurbs_splines(counts, orders, knots, ranges, weights, path)
-    curve_type, basis, wrap = (read_token(prim, name, time, allowed) for name, allowed in _TOKENS)
-    return basis_splines(curve_type if curve_type == "linear" else basis, wrap, counts, path)
+    is_linear = read_token(prim, "type", time, _TYPES) == "linear"
+    basis = "linear" if is_linear else read_token(prim, "basis", time, _BASES)
+    return basis_splines(basis, read_token(prim, "wrap", time, WRAPS), counts, path)
 
 
 def _widths(prim: Usd.Prim, time: Usd.TimeCode) -> Attribute:

@@ -71,14 +71,14 @@ class UsdScene:
         for purpose in purposes:
             if purpose not in PURPOSES:
                 raise AssetError(f"there is no purpose '{purpose}' ({nearest_hint(purpose, PURPOSES)})")
-        self._walk = Walk(stage, self._time, purposes)
+        self._paths_of_notes: dict[str, list[str]] = {}
+        self._walk = Walk(stage, self._time, purposes, self._note)
         self._gprims = GprimReader(self._time, self._unit, self._note)
         self._shapes: list[PolygonShape] = []
         # By `GprimReader.key`: the number of the shape in `_shapes`, and the surface; None for a surface with a fault.
         self._surfaces: dict[tuple[object, ...], tuple[int, GprimSurface] | None] = {}
         self._meshes: list[Mesh] = []
         self._slots: list[Slot] = []
-        self._paths_of_notes: dict[str, list[str]] = {}
 
     def read_asset(self) -> Asset:
         """Return the asset, with notes that lack the file's name."""
@@ -91,11 +91,6 @@ class UsdScene:
         surfaces = [surface for surface in surfaces if surface.shape in mesh_of_shape]
         numbers = self._make_meshes(surfaces, mesh_of_shape)
         instances = self._make_instances([surface.gprim for surface in surfaces], numbers)
-        for prim in self._walk.unknown_prims:
-            self._note(f"of the type {prim.GetTypeName()}, which USD does not know, not rendered", prim)
-        for name, prims in self._walk.missing_operations.items():
-            for prim in prims:
-                self._note(f"xformOpOrder names {name}, which is not there", prim)
         notes = [
             *self._gprims.skinning.notes,
             *(

@@ -6,7 +6,7 @@ instancers is visited once for each instancer, with a transform for each instanc
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,14 +14,13 @@ from pxr import Sdf, Tf, Usd, UsdGeom
 
 from lookdev.arrays import Bools, Floats
 from lookdev.asset.shape import MAX_COORDINATE
-from lookdev.asset.usd.attributes import check_range, read_array, read_texts, read_token, sample_time
+from lookdev.asset.usd.attributes import check_range, read_any_token, read_array, read_texts, sample_time
 from lookdev.errors import AssetError
 from lookdev.stage import error_message, quote, relationship_targets
 
 _SCENE_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 # A prototype may be an `over` or a `class`, which is visible only through its instancer.
 _PROTOTYPE_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
-_VISIBILITIES = (UsdGeom.Tokens.inherited, UsdGeom.Tokens.invisible)
 # The attributes of a point instancer with a value for each instance.
 _INSTANCE_ATTRIBUTES: tuple[tuple[str, type[np.generic], tuple[int, ...]], ...] = (
     ("positions", np.float64, (3,)),
@@ -33,6 +32,7 @@ _INSTANCE_ATTRIBUTES: tuple[tuple[str, type[np.generic], tuple[int, ...]], ...] 
 _MAX_DEPTH = 32  # levels of instancers that are in prototypes of other instancers
 _MAX_INSTANCES = 2_000_000  # in an asset: a quarter of a gigabyte of matrices
 PURPOSES = ("default", "render", "proxy", "guide")
+_VISIBILITIES = ("inherited", "invisible")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,18 +89,21 @@ def prototype_path(prim: Usd.Prim | None) -> str:
 class Walk:
     """Visits the visible gprims of a stage at a given time.
 
-    Hidden ancestors of the prim at which a walk starts do not hide this prim. A walk collects content for notes.
-    `unknown_prims` are prims of types that USD does not know, such as the types of another program's plug-in.
-    `missing_operations` has the names in an xformOpOrder that are not transform operations of the prim. It maps each
-    name to the prims whose xformOpOrder has the name.
+    Hidden ancestors of the prim at which a walk starts do not hide this prim. A walk calls `note` with a message and the prim
+    for content that is not rendered, and for values that have no effect.
     """
 
-    def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, purposes: tuple[str, ...]) -> None:
-        self.unknown_prims: list[Usd.Prim] = []
-        self.missing_operations: dict[str, list[Usd.Prim]] = {}
+    def __init__(
+        self,
+        stage: Usd.Stage,
+        time: Usd.TimeCode,
+        purposes: tuple[str, ...],
+        note: Callable[[str, Usd.Prim], None],
+    ) -> None:
         self._stage = stage
         self._time = time
         self._purposes = purposes
+        self._note = note
         self._transforms = UsdGeom.XformCache(time)
         self._placement_count = 0
         self._flags_of_type: dict[str, tuple[bool, bool, bool]] = {}  # the results of `_type_flags`, by type
@@ -148,14 +151,10 @@ class Walk:
             imageable, instancer, gprim = self._type_flags(prim)
             if not imageable:
                 if prim.GetTypeName() and not prim.IsA(Usd.Typed):
-                    self.unknown_prims.append(prim)
+                    self._note(f"of the type {prim.GetTypeName()}, which USD does not know, not rendered", prim)
                 continue
             self._check_order(prim)
-            # `read_token` raises the error for an invalid value.
-            if prim.GetAttribute("purpose").Get() not in PURPOSES:
-                read_token(prim, "purpose", Usd.TimeCode.Default(), PURPOSES)
-            if prim.GetAttribute("visibility").Get(self._time) != UsdGeom.Tokens.inherited:
-                read_token(prim, "visibility", self._time, _VISIBILITIES)
+            if not self._is_visible(prim):
                 prims.PruneChildren()
                 continue
             if instancer:
@@ -179,12 +178,24 @@ class Walk:
             self._flags_of_type[name] = prim.IsA(UsdGeom.Imageable), prim.IsA(UsdGeom.PointInstancer), gprim
         return self._flags_of_type[name]
 
+    def _is_visible(self, prim: Usd.Prim) -> bool:
+        """Return whether a prim is not invisible itself, and note a purpose or a visibility that USD does not know.
+
+        As in Hydra, a prim of an unknown purpose is not rendered, and an unknown visibility hides nothing. Raises
+        AssetError if a value is not a token.
+        """
+        if (purpose := read_any_token(prim, "purpose", Usd.TimeCode.Default())) not in PURPOSES:
+            self._note(f"of the purpose {quote(purpose)}, which USD does not know, not rendered", prim)
+        if (visibility := read_any_token(prim, "visibility", self._time)) not in _VISIBILITIES:
+            self._note(f"with the visibility {quote(visibility)}, which USD does not know, shown", prim)
+        return bool(visibility != UsdGeom.Tokens.invisible)
+
     def _check_order(self, prim: Usd.Prim) -> None:
-        """Record the names in a prim's xformOpOrder that are not operations of the prim; USD silently ignores them."""
+        """Note the names in a prim's xformOpOrder that are not operations of the prim; USD silently ignores them."""
         for name in read_texts(prim, "xformOpOrder"):
             operation = name.removeprefix("!invert!")
             if name != "!resetXformStack!" and not (operation and prim.HasAttribute(operation)):
-                self.missing_operations.setdefault(quote(name), []).append(prim)
+                self._note(f"xformOpOrder names {quote(name)}, which is not there", prim)
 
     def _matrix(self, prim: Usd.Prim, prototype: Usd.Prim | None) -> Floats:
         """Return the matrix (4, 4), for row vectors, from a prim's space to its prototype, or to the stage for None.
