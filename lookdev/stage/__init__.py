@@ -270,8 +270,9 @@ def _session_prim(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
 
 
 def prim_and_ancestors(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    """Yield a prim, then its ancestors, without the pseudo-root."""
-    return map(prim.GetStage().GetPrimAtPath, prim.GetPath().GetAncestorsRange())
+    """Yield a prim, then its ancestors, without the pseudo-root; nothing for the pseudo-root."""
+    paths = () if prim.IsPseudoRoot() else prim.GetPath().GetAncestorsRange()
+    return map(prim.GetStage().GetPrimAtPath, paths)
 
 
 def relationship_targets(relation: Usd.Relationship) -> list[Sdf.Path]:

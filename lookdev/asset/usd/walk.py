@@ -89,8 +89,8 @@ def prototype_path(prim: Usd.Prim | None) -> str:
 class Walk:
     """Visits the visible gprims of a stage at a given time.
 
-    Hidden ancestors of the prim at which a walk starts do not hide this prim. A walk calls `note` with a message and the prim
-    for content that is not rendered, and for values that have no effect.
+    Hidden ancestors of the prim at which a walk starts do not hide this prim. A walk calls `note` with a message and
+    the prim for content that is not rendered, and for values that have no effect.
     """
 
     def __init__(

@@ -37,7 +37,7 @@ class LightSetting:
 
     @property
     def factor(self) -> Color:
-        """The factor by which the light's radiance is multiplied, linear Rec.709."""
+        """The factor of the radiance of the light, linear Rec.709."""
         scale = 2.0**self.stops if self.on else 0.0
         kelvin_color = (1.0, 1.0, 1.0) if self.kelvin is None else black_body(self.kelvin)
         r, g, b = (scale * tint * component for tint, component in zip(self.color, kelvin_color, strict=True))
