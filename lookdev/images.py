@@ -34,7 +34,8 @@ PIXELS_VARIABLE = "LOOKDEV_IMAGE_PIXELS"
 DEFAULT_PIXELS = 1 << 27
 """The default of `PIXELS_VARIABLE`: 16384 x 8192 pixels."""
 
-_BYTES = 32  # limit of a file's bytes for each pixel of the limit: eight channels of uncompressed float32
+# A file may have this number of bytes for each pixel that an image may have: eight channels of uncompressed float32.
+_BYTES_PER_PIXEL = 32
 _STRIP = 1 << 20  # pixels read at once
 _MEGABYTE = 1 << 20
 _dwa_lock, _dwa_decoded = threading.Lock(), False  # see `_decode_first_dwa`
@@ -52,7 +53,7 @@ def default_pixel_limit() -> int:
 def check_file(file: Path, error: type[LookdevError], most: int | None = None) -> None:
     """Raise `error` unless a file may be read as an image: a regular file, not empty, and not too large.
 
-    Its size is limited to `_BYTES` for each of `most` pixels, by default `default_pixel_limit`.
+    Its size is limited to `_BYTES_PER_PIXEL` for each of `most` pixels, by default `default_pixel_limit`.
     """
     try:
         status = file.stat()
@@ -65,8 +66,8 @@ def check_file(file: Path, error: type[LookdevError], most: int | None = None) -
     if not status.st_size:
         raise error(f"{file}: cannot be read as an image: it is empty")
     pixels, limit = _pixel_limit(most)
-    if status.st_size > _BYTES * pixels:
-        largest = f"at most {_BYTES * pixels} are read, {_BYTES} for each of {limit}"
+    if status.st_size > _BYTES_PER_PIXEL * pixels:
+        largest = f"at most {_BYTES_PER_PIXEL * pixels} are read, {_BYTES_PER_PIXEL} for each of {limit}"
         raise error(f"{file}: has {status.st_size} bytes; {largest}")
 
 
@@ -81,7 +82,7 @@ def open_image(file: Path, error: type[LookdevError], most: int | None = None) -
     check_file(file, error, most)
     _check_png(file, error, whole=False)
     # OpenImageIO decodes images of some formats as it opens them. It must refuse too large ones itself.
-    oiio.attribute("limits:imagesize_MB", -(-_BYTES * _pixel_limit(most)[0] // _MEGABYTE))
+    oiio.attribute("limits:imagesize_MB", -(-_BYTES_PER_PIXEL * _pixel_limit(most)[0] // _MEGABYTE))
     # Select the newer of OpenImageIO's two EXR readers: the other one writes the faults of an image to stderr.
     oiio.attribute("openexr:core", 1)
     as_stored = oiio.ImageSpec()
@@ -255,5 +256,6 @@ def _min_png_bytes(header: bytes) -> int:
     valid = depth in _PNG_DEPTHS.get(color, ()) and not method and not filtering and interlaced < 2
     if not valid or not 0 < width < 1 << 31 or not 0 < height < 1 << 31:
         return 0
-    # A row has a filter byte and its pixels. An interlaced PNG has rows of seven passes instead, but at least as many.
+    # A row has a filter byte and its pixels. The seven passes of an interlaced PNG have at least `height` rows in all,
+    # each with a filter byte.
     return int(height * (1 + -(-width * depth * _PNG_CHANNELS[color] // 8)) if not interlaced else height)

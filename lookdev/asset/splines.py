@@ -77,7 +77,7 @@ def basis_splines(basis: str, wrap: str, counts: Indices, where: str) -> Splines
     wrong = (counts < fewest) | ((counts - fewest) % step != 0)
     if wrong.any():
         curve = int(wrong.argmax())
-        rule = f"at least {fewest}" + (f", or {fewest} and a multiple of {step} more" if step > 1 else "")
+        rule = f"{fewest} or more" if step == 1 else ", ".join(str(fewest + i * step) for i in range(3)) + ", ..."
         raise AssetError(
             f"{where}: curveVertexCounts[{curve}] is {counts[curve]}; a {wrap} {basis} curve has {rule} vertices"
         )

@@ -135,7 +135,7 @@ def _strips(rings: CurveSamples, outward: Floats, normals: Floats, u: Floats, fr
 
     # A strip is the row of faces between two consecutive rings of a piece; `lower` has the number of its first ring.
     # Strips without area are dropped. At a tip, which is a ring of radius 0, a face has one corner instead of two.
-    # `is_tip` has whether the lower ring is a tip, and whether the upper ring is.
+    # `is_tip` is a pair of masks of strips: whether the lower ring is a tip, and whether the upper ring is a tip.
     lower = np.flatnonzero(rings.pieces[:-1] == rings.pieces[1:])
     has_length = (rings.positions[lower] != rings.positions[lower + 1]).any(axis=1)
     is_tip = rings.radii[lower] == 0.0, rings.radii[lower + 1] == 0.0

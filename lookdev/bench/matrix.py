@@ -43,7 +43,7 @@ def open_candidates(cell: Cell, options: BenchOptions) -> Iterator[list[Candidat
         for backend in options.backends_of(cell):
             scene = bench_scene(cell.scene, look, lights, options.resolution, backend, denoise=options.denoise)
             render = picture_renderer(stack.enter_context(open_process()), scene)
-            key, denoises = picture_key(scene, look, cell.ibl), BACKENDS[backend].features
+            key, denoises = picture_key(scene, look, cell.ibl), BACKENDS[backend].has_denoising_guides
             candidates.append(Candidate(backend, key, render, skips_of(cell, scene), denoises))
         yield candidates
 

@@ -264,7 +264,7 @@ def bench_scene(
     With `denoise`, the scene is denoised if its backend can do so. `asset` replaces the asset of the named scene.
     """
     scene = Scene.of_look(asset or bench_asset(name), look, lights[0], (resolution, resolution))
-    denoised = denoise and BACKENDS[backend].features
+    denoised = denoise and BACKENDS[backend].has_denoising_guides
     sampling = Sampling(bounces=SCENES[name].bounces, denoise="measured" if denoised else "off")
     return scene_task(replace(scene, lights=tuple(lights)), sampling, backend)
 

@@ -149,7 +149,8 @@ def oren_nayar_g(cos_theta: Array) -> Array:
 def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
     """Return BSDF times cosine of a microfacet closure with a Fresnel term of 1, (...).
 
-    `wo` and `wi` (..., 3) are directions in the closure's frame, on the sides of its horizon on which it scatters.
+    `wo` and `wi` (..., 3) are unit directions in the closure's frame. `wo` is above the frame's horizon. `wi` is below
+    it for a refraction, and above it for the other closures.
     """
     if closure.kind.endswith("refraction"):
         # Walter et al. 2007, eq. 16 and 21. `jacobian` is d omega_h / d omega_i, times |wo . wm|. For reflection, the

@@ -1,9 +1,9 @@
 """Compute the two fits of `lookdev.brdf.reflectance`: ``python -m lookdev.closures.reflectance`` writes their table.
 
 Both fits describe Disney's specular lobe of 2014. ``"whole"`` is the lobe's directional albedo with a Fresnel term of
-1, as a function of `relative_cosine` and of alpha. ``"cosine"`` is the cosine at which Schlick's weight (1 - cosine)^5
-equals its mean over the lobe, as a function of the view's cosine and alpha. Residuals are the largest and the root mean
-square error of the albedo for views up to 85 degrees.
+1. It is a function of alpha and of `relative_cosine`, the cosine of the view relative to the lobe's width. ``"cosine"``
+is the cosine at which Schlick's weight (1 - cosine)^5 equals its mean over the lobe. It is a function of the view's
+cosine and of alpha. Residuals are the largest and the root mean square error of the albedo for views up to 85 degrees.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ _TOLERANCE = 0.01  # the tolerated error of a directional albedo
 
 def make_table(grid: LobeGrid = FULL) -> dict[str, ClosureFit]:
     """Return the table of coefficients and residuals, with the keys ``"whole"`` and ``"cosine"``."""
+    # `albedos.unweighted` is the albedo with a Fresnel term of 1, and `albedos.weighted` is the albedo with Schlick's
+    # weight as the Fresnel term.
     albedos = measure_albedos(specular_setups("2014", grid))
     inside = albedos.angle < 89.2  # beyond 89.2 degrees, both functions change fast, and matter little
     x = np.asarray(relative_cosine(albedos.cosine, albedos.alpha))

@@ -128,7 +128,8 @@ def _add_emitter(root: ElementTree.Element, light: Light, name: str, setup: Setu
     """
     # The asset stays in its place: the camera (`_add_sensor`) and the lights rotate by `-pose.element` instead.
     gain, center = 2.0**setup.exposure, np.array(setup.scene.asset.center)
-    turn = _rotation_about_pivot(pose.lighting * light.emission.turns - pose.element, setup.scene.camera, center)
+    degrees = (pose.lighting if light.emission.turns else 0.0) - pose.element
+    turn = _rotation_about_pivot(degrees, setup.scene.camera, center)
     if dome := light.world_dome:
         if not is_plain(light):
             raise _unsupported_light(name, "a dome with a colour, axes or controls of its own")

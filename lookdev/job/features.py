@@ -14,16 +14,18 @@ from lookdev.rendering.backends import BACKENDS, Backend, job_backends
 
 @dataclass(frozen=True)
 class BackendFeature:
-    """A feature that only some backends support, named by the key of the job that asks for it.
+    """A feature that only some backends support.
+
+    A *value* is the value of the job's key that asks for the feature.
 
     Attributes
     ----------
     available
-        Returns whether a backend supports a value of the key.
+        Returns whether a backend supports a value.
     problem
-        Returns the message about a backend that does not support the value. The message continues the backend's name.
+        Returns the message about a backend that does not support a value. The message continues the backend's name.
     hint
-        Returns values that would be right with the same backend.
+        Returns keys with values that would be right with the same backend, as texts.
     """
 
     available: Callable[[Backend, Any], bool]
@@ -46,7 +48,7 @@ BACKEND_FEATURES: dict[str, BackendFeature] = {
         lambda backend: (f"device = {_quote_names(backend.devices)}",),
     ),
     "denoise": BackendFeature(
-        lambda backend, denoise: denoise == "off" or backend.features,
+        lambda backend, denoise: denoise == "off" or backend.has_denoising_guides,
         lambda backend, denoise: "renders no albedos and normals to denoise by",
     ),
     "space": BackendFeature(
@@ -67,10 +69,15 @@ BACKEND_FEATURES: dict[str, BackendFeature] = {
         lambda backend: ('kind = "plane"',),
     ),
     "light integrals": BackendFeature(
-        lambda backend, value: backend.directions,
-        lambda backend, value: "does not use it",
+        lambda backend, value: backend.has_light_integral,
+        lambda backend, value: "does not use this key",
     ),
 }
+"""The features by name.
+
+The feature ``"light integrals"`` is that of all keys that control a backend's integral of the light, such as
+``brdf_samples``. Each other feature has the name of its key; ``"ground"`` is that of the ground's ``kind``.
+"""
 
 
 def backend_supports(name: str) -> AfterValidator:

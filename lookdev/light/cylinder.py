@@ -78,10 +78,12 @@ class CylinderLight(PlacedLight):
 
     @property
     def reach(self) -> float:
+        """Metres from the centre to an edge of the side."""
         return math.hypot(self.length / 2.0, self.radius)
 
     @property
     def size_factor(self) -> float:
+        """The area of the side in square metres."""
         return 2.0 * math.pi * self.radius * self.length
 
 

@@ -69,6 +69,7 @@ class DiskLight(PlacedLight):
 
     @property
     def reach(self) -> float:
+        """Metres from the centre to the farthest point of the edge."""
         return max(self.radii)
 
     @property
@@ -85,6 +86,7 @@ class DiskLight(PlacedLight):
 
     @property
     def size_factor(self) -> float:
+        """The area in square metres."""
         return math.pi * self.radii[0] * self.radii[1]
 
 

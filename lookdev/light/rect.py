@@ -102,6 +102,7 @@ class RectLight(PlacedLight):
 
     @property
     def reach(self) -> float:
+        """Metres from the centre to a corner."""
         return math.hypot(self.width, self.height) / 2.0
 
     def _convert(self, space: Space) -> RectLight:
@@ -121,6 +122,7 @@ class RectLight(PlacedLight):
 
     @property
     def size_factor(self) -> float:
+        """The area in square metres."""
         return self.width * self.height
 
     @cached_property

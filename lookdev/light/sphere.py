@@ -54,6 +54,7 @@ class SphereLight(PlacedLight):
 
     @property
     def reach(self) -> float:
+        """Metres from the centre to the surface."""
         return self.radius
 
     @property
@@ -62,6 +63,7 @@ class SphereLight(PlacedLight):
 
     @property
     def size_factor(self) -> float:
+        """The area in square metres."""
         return 4.0 * math.pi * self.radius**2
 
 

@@ -39,9 +39,11 @@ class UsdLightShape:
     make
         A function that returns the light with radiance 1; its argument is the light's image, or None.
     area
-        The divisor of the radiance if the power is normalized, in square metres; None if the divisor is `size`.
+        The light's area in square metres. If the power is normalized, the radiance is divided by the area in square
+        units of the stage. None if the divisor is `size`.
     size
-        The divisor if `area` is None; it does not depend on the unit of length.
+        The divisor of the radiance if the power is normalized and `area` is None. A distant light has a divisor in
+        steradians, which does not depend on the unit of length; a dome has 1.
     lengths
         The sizes of the light in metres, for a check of their range.
     image

@@ -81,7 +81,7 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Plan
                 scene = replace(scene, lights=lights, film=Film(job.render.resolution, job.render.space))
                 ahead(tasks.task(scene, job.render.sampling))
 
-    sampled = BACKENDS[job.render.backend].directions
+    sampled = BACKENDS[job.render.backend].has_light_integral
     job_setups = make_setups(build_scenes(job, prepare_card, sampled=sampled), tasks)
     job = job_setups.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
@@ -109,7 +109,7 @@ def read_setups(path: Path, backend: str | None = None) -> JobSetups:
     job = job.model_copy(update={"wedge": (), "charts": None, "ground": plane, "render": render})
     job = _replace_backend(job, backend)
     # Without a named backend, domes get tables, because the caller may compare with a backend that draws directions.
-    sampled = backend is None or BACKENDS[backend].directions
+    sampled = backend is None or BACKENDS[backend].has_light_integral
     tasks = SceneTasks(job.render.backend, job.render.device)
     return make_setups(build_scenes(job, sampled=sampled), tasks)
 

@@ -76,8 +76,10 @@ class Backend:
     light_gaps: Callable[[Sequence[Light]], Sequence[str]] = (
         native_gaps  # returns a reason for each light that it cannot render; not called with `any_light`
     )
-    directions: bool = False  # uses `Sampling.brdf_samples` and `ibl_samples`
-    features: bool = False  # renders the pictures of albedos and normals that guide a denoiser
+    # Estimates the integral of the light over directions that it draws from the look and from the light. Their numbers
+    # are `Sampling.brdf_samples` and `ibl_samples`.
+    has_light_integral: bool = False
+    has_denoising_guides: bool = False  # renders the pictures of albedos and normals that guide a denoiser
     spaces: tuple[Space, ...] = (REC709,)  # the colour spaces in which it can compute light
     passes: tuple[str, ...] = ("samples",)  # the passes that it renders: names in `PASSES`
     can_catch_shadows: bool = False  # renders shadow catchers
@@ -173,8 +175,8 @@ BACKENDS: dict[str, Backend] = {
             exact=True,
             in_jobs=True,
             any_light=True,
-            directions=True,
-            features=True,
+            has_light_integral=True,
+            has_denoising_guides=True,
             spaces=tuple(OCIO_NAMES),
             passes=tuple(PASSES),
             can_catch_shadows=True,
@@ -214,8 +216,8 @@ BACKENDS: dict[str, Backend] = {
             exact=True,
             in_jobs=True,
             light_gaps=rig_faults,
-            directions=True,
-            features=True,
+            has_light_integral=True,
+            has_denoising_guides=True,
             passes=tuple(PASSES),
             check_device=check_device,
             has_isolated_parts=True,
@@ -229,7 +231,7 @@ BACKENDS: dict[str, Backend] = {
             generate=_generate_principled,
             devices=_ANY_DEVICE,
             look_gap=_principled_gap,
-            features=True,
+            has_denoising_guides=True,
         ),
         Backend(
             name="mitsuba-principled",
@@ -239,7 +241,7 @@ BACKENDS: dict[str, Backend] = {
             generate=_generate_principled,
             look_gap=_principled_gap,
             light_gaps=_one_dome_gaps,
-            features=True,
+            has_denoising_guides=True,
             version=lambda: version("mitsuba"),
         ),
     )

@@ -70,7 +70,7 @@ OF_OTHER_TABLES = {
     **{
         f'[render]\nbackend = "{name}"\n{key} = 4': (f"render.{key}", f"backend '{name}'")
         for name, record in job_backends().items()
-        if not record.directions
+        if not record.has_light_integral
         for key in ("brdf_samples", "ibl_samples")
     },
     "[render]\nerror = 0.0": ("render.error", "greater than 0"),
@@ -164,8 +164,8 @@ def test_one_fault_is_reported_alone_with_its_key(tmp_path: Path, text: str, key
     assert all(part in f"{problem} ({hint})" for part in message.split(" ... "))
 
 
-def test_a_backend_without_features_denoises_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(BACKENDS, "nodes", replace(BACKENDS["nodes"], features=False))
+def test_a_backend_without_guides_denoises_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(BACKENDS, "nodes", replace(BACKENDS["nodes"], has_denoising_guides=False))
     problem, hint = faults(f'{MINIMAL}[render]\nbackend = "nodes"\ndenoise = "measured"\n', tmp_path)["render.denoise"]
     assert problem == "backend 'nodes' renders no albedos and normals to denoise by"
     assert '"exact"' in hint

@@ -165,26 +165,26 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
     assert subdivision is not None, "a batch has cages only"
     control, rules = join_cages(meshes), mask_rules(subdivision)
     cage = build_cage(control, subdivision)
-    level = cage.half_edges  # the half-edges of level 0
+    half_edges = cage.half_edges
     # The number of the mesh of each face.
     mesh_numbers = np.repeat(np.arange(len(meshes)), [len(mesh.face_sizes) for mesh in meshes])
     # The limit surface at the points of level 1: the points, edges' middles and, for quads, faces' centres of the cage.
-    child = split_faces(level, rules.triangles)
-    limits, normals = limit_surface(child, interpolate(level, control.points, rules), rules)
+    child = split_faces(half_edges, rules.triangles)
+    limits, normals = limit_surface(child, interpolate(half_edges, control.points, rules), rules)
     complete_normals(child, limits, normals)
 
-    # From here to `required`, arrays are over half-edges of the cage (m,). `distance` is the distance between the limit
-    # surface and the half-edge's chord. Corners of `child`: `first` is at the start of a half-edge, `first` + 1 at its
-    # middle, and `first` + 2, for quads, at the face's centre.
-    first = first_child(np.arange(len(level.points)), rules.triangles)
-    start, middle = limits[level.points], limits[len(control.points) + level.edges]
-    turn = _turn_angles(level, normals, first)
-    chord = start[level.next] - start
+    # From here to `required`, arrays are over the half-edges of the cage (m,), which has level 0. `distance` is the
+    # distance between the limit surface and the half-edge's chord. Corners of `child`: `first` is at the start of a
+    # half-edge, `first` + 1 at its middle, and `first` + 2, for quads, at the face's centre.
+    first = first_child(np.arange(len(half_edges.points)), rules.triangles)
+    start, middle = limits[half_edges.points], limits[len(control.points) + half_edges.edges]
+    turn = _turn_angles(half_edges, normals, first)
+    chord = start[half_edges.next] - start
     length = np.linalg.norm(chord, axis=1)
-    offset = middle - 0.5 * (start + start[level.next])
+    offset = middle - 0.5 * (start + start[half_edges.next])
     # At a boundary or crease, the line itself is visible, and so is any offset across the chord. Elsewhere, only an
     # offset along the normal is visible, not one within the surface.
-    is_feature = (level.twins < 0) | (level.edge_sharpness[level.edges] > 0.0)
+    is_feature = (half_edges.twins < 0) | (half_edges.edge_sharpness[half_edges.edges] > 0.0)
     along = np.einsum("ij,ij->i", offset, chord) / np.maximum(length, np.finfo(np.float64).tiny)
     across = np.sqrt(np.maximum(np.einsum("ij,ij->i", offset, offset) - along**2, 0.0))
     distance = np.where(is_feature, across, np.abs(np.einsum("ij,ij->i", offset, normals[first + 1])))
@@ -192,27 +192,29 @@ def _surface_levels(meshes: list[Mesh], pixel_sizes: Floats, longest_edges: Floa
         # On a sphere, the centre of an equilateral triangle is 4/3 as far from the surface as the middles of its edges.
         distance *= 4.0 / 3.0
     else:
-        means = np.add.reduceat(start, run_starts(level.sizes), axis=0) / level.sizes[:, None]
-        center_offset = limits[len(limits) - len(level.sizes) :] - means
-        distance = np.maximum(distance, np.abs(np.einsum("ij,ij->i", center_offset[level.faces], normals[first + 2])))
+        means = np.add.reduceat(start, run_starts(half_edges.sizes), axis=0) / half_edges.sizes[:, None]
+        center_offset = limits[len(limits) - len(half_edges.sizes) :] - means
+        center_offsets = center_offset[half_edges.faces]
+        distance = np.maximum(distance, np.abs(np.einsum("ij,ij->i", center_offsets, normals[first + 2])))
 
-    size = pixel_sizes[mesh_numbers[level.faces]]
+    edge_meshes = mesh_numbers[half_edges.faces]  # the number of the mesh of each half-edge
+    size = pixel_sizes[edge_meshes]
     with np.errstate(divide="ignore", invalid="ignore"):
         by_distance = np.log2(distance / (SURFACE_TOLERANCE * size)) / 2.0
         # At a semi-sharp feature, the whole turn stays on one edge until the sharpness has decayed, while the edge is
         # halved at each level. The sagitta of the arc, about length * turn / 8, is therefore halved at the first
         # `delay` levels, and divided by four only afterwards.
-        arc, delay = np.log2(length * turn / (8.0 * SURFACE_TOLERANCE * size)), _sharpness_delay(level)
+        arc, delay = np.log2(length * turn / (8.0 * SURFACE_TOLERANCE * size)), _sharpness_delay(half_edges)
         by_arc = np.where(delay > 0.0, np.minimum(arc, 0.5 * (arc + delay)), 0.0)
         by_turn = np.minimum(np.log2(turn / MAX_TURN) + np.ceil(delay), np.log2(length / (SMALL_EDGE * size)))
-        by_length = np.log2(length / (longest_edges[mesh_numbers[level.faces]] * size))
-        is_far_from_limit = np.linalg.norm(start - control.points[level.points], axis=1) > SURFACE_TOLERANCE * size
+        by_length = np.log2(length / (longest_edges[edge_meshes] * size))
+        is_far_from_limit = np.linalg.norm(start - control.points[half_edges.points], axis=1) > SURFACE_TOLERANCE * size
     required = np.where(is_far_from_limit, 1.0, 0.0)
     for criterion in (by_distance, by_arc, by_turn, by_length):
         required = np.fmax(required, criterion)
-    is_visible: Bools = ~cage.is_hidden[level.faces]
-    edge_levels = np.ceil(np.minimum(required, max_levels[mesh_numbers[level.faces]])).astype(np.intp)[is_visible]
-    return _level_of_most_edges(mesh_numbers[level.faces][is_visible], edge_levels, length[is_visible], len(meshes))
+    is_visible: Bools = ~cage.is_hidden[half_edges.faces]
+    edge_levels = np.ceil(np.minimum(required, max_levels[edge_meshes])).astype(np.intp)[is_visible]
+    return _level_of_most_edges(edge_meshes[is_visible], edge_levels, length[is_visible], len(meshes))
 
 
 def _texture_levels(meshes: list[Mesh], pixel_sizes: Floats, max_level: int) -> Indices:
@@ -268,27 +270,27 @@ def _level_of_most_edges(mesh: Indices, edge_levels: Indices, length: Floats, co
     return np.maximum(np.maximum(level, lowest), 0)
 
 
-def _turn_angles(level: HalfEdges, normals: Floats32, first: Indices) -> Floats:
+def _turn_angles(half_edges: HalfEdges, normals: Floats32, first: Indices) -> Floats:
     """Return the angle (m,), in radians, that the normal turns along each half-edge of the cage.
 
     The angle is the turn to the edge's middle plus the turn from there to the end. `normals` (m', 3) are the normals at
     the corners of level 1, and `first` (m,) the corners of level 1 at the starts of the half-edges.
     """
     corner_normals, middle_normals = normals[first].astype(np.float64), normals[first + 1].astype(np.float64)
-    halves = np.linalg.norm([middle_normals - corner_normals, corner_normals[level.next] - middle_normals], axis=2)
+    halves = np.linalg.norm([middle_normals - corner_normals, corner_normals[half_edges.next] - middle_normals], axis=2)
     return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * halves, 1.0)).sum(axis=0))
 
 
-def _sharpness_delay(level: HalfEdges) -> Floats:
+def _sharpness_delay(half_edges: HalfEdges) -> Floats:
     """Return the number of levels (m,) before the turn along a half-edge decreases.
 
     The number is the largest finite sharpness of the two points at the ends of the half-edge, and of all edges at these
     points.
     """
-    edge_sharpness = np.where(np.isfinite(level.edge_sharpness), level.edge_sharpness, 0.0)
-    point_sharpness = np.where(np.isfinite(level.point_sharpness), level.point_sharpness, 0.0)
-    np.maximum.at(point_sharpness, level.ends.ravel(), np.repeat(edge_sharpness, 2))
-    return np.maximum(point_sharpness[level.points], point_sharpness[level.points[level.next]])
+    edge_sharpness = np.where(np.isfinite(half_edges.edge_sharpness), half_edges.edge_sharpness, 0.0)
+    point_sharpness = np.where(np.isfinite(half_edges.point_sharpness), half_edges.point_sharpness, 0.0)
+    np.maximum.at(point_sharpness, half_edges.ends.ravel(), np.repeat(edge_sharpness, 2))
+    return np.maximum(point_sharpness[half_edges.points], point_sharpness[half_edges.points[half_edges.next]])
 
 
 def _limit_corners(counts: list[int], desired: list[int], max_corners: int) -> list[int]:
@@ -315,7 +317,9 @@ def _reduction_note(
 ) -> str:
     """Return the note that the meshes with the numbers `reduced` have lower levels than desired."""
     worst = max(reduced, key=lambda i: (desired[i] - levels[i]) * len(meshes[i].corner_points))
+    surfaces = "1 surface is" if len(reduced) == 1 else f"{len(reduced)} surfaces are"
     return (
-        f"subdivision: {len(reduced)} of the surfaces are refined less than their size in the frame asks for, as all "
-        f"may have {max_corners:,} corners: {meshes[worst].name} {levels[worst]} times instead of {desired[worst]}"
+        f"subdivision: {surfaces} refined less than the size in the frame requires, because an asset may have at most "
+        f"{max_corners:,} refined corners; {meshes[worst].name} is refined {levels[worst]} times instead of "
+        f"{desired[worst]}"
     )

@@ -87,10 +87,11 @@ def limit_masks(kind: SectorKind, size: int, rules: Rules) -> Masks:
 def _cross_tangent(size: int, rules: Rules) -> tuple[float, Floats, Floats]:
     """Return the weights of the tangent across a crease: of the point, of the edges (size + 1,), of the faces (size,).
 
-    Of the left eigenvectors that are symmetric about the middle of the sector, the weights are the one with the largest
-    eigenvalue. At the edges between faces, they are a sine. The two ends are the edges of the crease. Their weight
-    follows from the column of an end in the refinement matrix, and from the sum of all weights, which is 0. For one
-    face, the eigenvector is the second difference of the crease.
+    The weights are a left eigenvector of the refinement matrix: of the eigenvectors that are symmetric about the middle
+    of the sector, the one with the largest eigenvalue. The weights of the edges between faces are the values of a sine.
+    The two ends, which are the first and the last edge, form the crease, and have equal weights. Two equations give the
+    weight of an end and the weight of the point: the eigenvector's equation in the column of an end, and the sum of all
+    weights, which is 0. For one face, the eigenvector is the second difference along the crease.
     """
     edges, faces = np.zeros(size + 1), np.zeros(size)
     if size == 1:
@@ -99,8 +100,11 @@ def _cross_tangent(size: int, rules: Rules) -> tuple[float, Floats, Floats]:
     eigenvalue = _eigenvalue(theta, rules)
     edges[1:size] = np.sin(np.arange(1, size) * theta)
     faces[:] = _face_weight(theta, rules) * (edges[:-1] + edges[1:])
-    # In the column of an end: eigenvalue * end = point / 8 + end / 2 + inward / 8. `inward` / 8 is the contribution of
-    # the next edge and, for quads, of the face between.
+    # The weights of an end and of the point solve two equations:
+    #     eigenvalue * end = point / 8 + end / 2 + inward / 8
+    #     point + 2 * end + sum of the other edges + sum of the faces = 0
+    # `inward` / 8 is the contribution of the edge next to the end and, for quads, of the face between the two edges.
+    # For quads, the column of this face has the same contributions, and their sum is eigenvalue * faces[0].
     inward = edges[1] if rules.triangles else 8.0 * eigenvalue * faces[0]
     end = (inward - edges.sum() - faces.sum()) / (8.0 * eigenvalue - 2.0)
     edges[[0, size]] = end

@@ -3,12 +3,12 @@
 Points lie on the surface, normals are exact and change only at true edges, and all faces are planar. A surface has one
 face along a direction in which it is straight; a tapered side has several.
 
-The texture coordinates ``st`` fill the unit square and are never mirrored. Around an axis, u grows counter-clockwise,
-seen against the axis, from the next coordinate axis (x for z, y for x, z for y). v grows along the axis: on a sphere
-with the latitude, on a capsule with the length of its profile, on the side of a cylinder or cone from 0 at the lower
-end to 1 at the upper. A cap is a disc in the unit square. Each face of a cube fills the unit square; on the four sides,
-v grows along the stage's up axis. On a plane, u grows along the width and v along the length, towards -z if one of them
-lies along z.
+The texture coordinates ``st`` fill the unit square and are never mirrored. Around an axis, u is 0 in the direction of
+the next coordinate axis: x for the axis z, y for x, and z for y. From there, u grows counter-clockwise for a viewer
+towards whom the axis points. v grows along the axis: on a sphere with the latitude, on a capsule with the length of its
+profile, on the side of a cylinder or cone from 0 at the lower end to 1 at the upper end. A cap is a disc in the unit
+square. Each face of a cube fills the unit square; on the four sides, v grows along the stage's up axis. On a plane, u
+grows along the width and v along the length. If the width or the length lies along z, the coordinate grows towards -z.
 
 The side of a Capsule_1 is tangent to both of its spheres, as its schema requires. In Hydra, the surface has an edge
 there, since Hydra uses `atan` instead of `asin`.
@@ -58,10 +58,10 @@ def primitive_shape(prim: Usd.Prim, time: Usd.TimeCode, unit: float, error: floa
 
 
 def proportions(key: PrimitiveKey, error: float) -> tuple[tuple[str, str, int, *tuple[float, ...]], float]:
-    """Return the parameters of a primitive, scaled so that its largest size is 1, and the largest size before that.
+    """Return the parameters of a primitive whose sizes are divided by the largest size, and the largest size.
 
     The parameters are the type, the axis, the number of segments around the axis, which `error` determines, and the
-    sizes.
+    divided sizes. If all sizes are 0, they are not divided.
     """
     type_name, axis, *sizes = key
     size = max(sizes)
@@ -246,7 +246,8 @@ def _revolve(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
     The profile begins and ends on the axis. A face at a pole is a triangle; the corner at the pole has the normal and
     the u of the triangle's middle.
     """
-    # A ring has the points that one profile point becomes: `segments` points, or one at a pole.
+    # Each point of the profile becomes a ring: `segments` points around the axis, or one point on the axis, a pole.
+    # `rings` has the radius and the height of each ring.
     rings = np.concatenate([pieces[0].points[:1], *(piece.points[1:] for piece in pieces)])
     counts = np.where(rings[:, 0] == 0.0, 1, segments)
     starts = np.cumsum(counts) - counts

@@ -46,7 +46,7 @@ float look_tan(float x) { vec2 turn = look_turn(x); return turn.x / turn.y; }
 float look_atan2(float y, float x) {
     float a = abs(x), b = abs(y), most = max(a, b);
     if (most == 0.0) return 0.0;
-    // The quotient is at most 1; above tan(22.5 degrees), the series is about 45 degrees.
+    // The quotient is at most 1. Above tan(22.5 degrees), the series is expanded around 45 degrees instead of 0.
     float q = min(a, b) / most;
     bool far = q > 0.41421356;
     float t = far ? (q - 1.0) / (q + 1.0) : q;

@@ -141,7 +141,7 @@ class TreeBuilder:
         x, y, z = (_number(value) for value in values)
         return x, y, z
 
-    def prepare(self, roots: Iterable[Sequence[Scalar]]) -> None:
+    def plan_vectors(self, roots: Iterable[Sequence[Scalar]]) -> None:
         """Plan the nodes of vectors, without building them.
 
         If a component of these vectors is then built as a scalar, it is separated from the vector's node.

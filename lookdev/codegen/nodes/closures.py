@@ -43,7 +43,7 @@ def add_closures(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -
         for closure, _ in closures
         for vector in (closure.weight, closure.f0, closure.eta, closure.k, _to_world(frame, closure.frame.normal))
     ]
-    builder.prepare(elements_of(vector) for vector in vectors)
+    builder.plan_vectors(elements_of(vector) for vector in vectors)
     total: NodeLink | None = None
     for closure, label in closures:
         total = add_shaders(builder, total, _add_closure(graph, builder, closure, frame, label))

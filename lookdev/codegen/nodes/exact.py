@@ -95,7 +95,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     builder.bind(["u2"], NodeLink(channels, "Green"))
     builder.bind(["depth"], NodeLink(builder.add("LightPath"), "Transparent Depth"))
 
-    builder.prepare(roots)
+    builder.plan_vectors(roots)
     color, direction, start = (builder.vector(root) for root in roots)
     portal = builder.add("BsdfRayPortal", inputs={"Color": color, "Position": start, "Direction": direction})
     builder.add("OutputMaterial", inputs={"Surface": NodeLink(portal, "BSDF")})

@@ -82,6 +82,6 @@ def frame_tree(*, reads_tangent: bool, bends_normals: bool) -> NodeTree:
         hand,
     )
     values = [elements_of(vector) for vector in (frame.normal, frame.tangent, frame.bitangent, frame.to_local(viewer))]
-    builder.prepare(values)
+    builder.plan_vectors(values)
     builder.add("NodeGroupOutput", inputs=dict(zip(_OUTPUTS, map(builder.vector, values), strict=True)))
     return builder.tree(outputs=[GroupSocket(name, "vector", help=help) for name, help in _OUTPUTS.items()])

@@ -70,7 +70,7 @@ class TracedGroup:
 
         If `has_shader`, the first output is `shader`; None stands for a black shader.
         """
-        self.builder.prepare(_vector_elements(values.values()))
+        self.builder.plan_vectors(_vector_elements(values.values()))
         inputs: dict[str, SocketValue | NodeLink] = {
             socket.name: add_value(self.builder, value) for socket, value in values.items()
         }
@@ -89,7 +89,7 @@ class TracedGroup:
         for shaders, by the names of these sockets.
         """
         values = self.input_values(tree)
-        outer.prepare(_vector_elements(values.values()))
+        outer.plan_vectors(_vector_elements(values.values()))
         inputs = {name: add_value(outer, value) for name, value in values.items()}
         return outer.add("Group", inputs=inputs | dict(shaders or {}), group=self.name)
 

@@ -216,13 +216,13 @@ def _write_look(
     request: PictureFitRequest, frame: JobFrame, unknowns: tuple[Unknown, ...], result: SearchResult
 ) -> Iterator[Path]:
     """Write the fitted look, if it is requested, and yield the path of its file."""
-    if request.look is not None and frame.table.material is not None:
+    if request.look is not None and frame.job_look.material is not None:
         constants = [
             replace(unknown.constant, value=result.values[unknown.name])
             for unknown in unknowns
             if not unknown.is_exposure
         ]
-        write_changed(frame.table.material, request.look, constants, frame.table.prim, frame.table.variants)
+        write_changed(frame.job_look.material, request.look, constants, frame.job_look.prim, frame.job_look.variants)
         yield request.look
 
 
@@ -282,14 +282,14 @@ def _check_request(
 
 def _check_look(file: Path | None, frame: JobFrame, look: Look) -> None:
     """Raise LookdevError if the look cannot be written with changed parameters."""
-    material = frame.table.material
-    if material is None or look.name != frame.table.name:
+    material = frame.job_look.material
+    if material is None or look.name != frame.job_look.name:
         raise LookdevError(
-            f"look '{frame.table.name}': the parameters are of '{look.name}', which is not the look's own 'material'"
+            f"look '{frame.job_look.name}': the parameters are of '{look.name}', which is not the look's own 'material'"
         )
     if file is not None:
         check_suffix(file)
-    check_writable(material, frame.table.prim, frame.table.variants)
+    check_writable(material, frame.job_look.prim, frame.job_look.variants)
 
 
 def _page_pictures(

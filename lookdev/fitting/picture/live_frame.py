@@ -39,11 +39,11 @@ BACKEND = "mitsuba"
 class JobFrame:
     """A frame of a job.
 
-    `table`, `rig` and `turntable` are the tables of its look, light and turntable. `number` is its number in the
-    turntable, from 1.
+    `job_look`, `rig` and `turntable` are the tables of its look, light and turntable in the job file. `number` is its
+    number in the turntable, from 1.
     """
 
-    table: JobLook
+    job_look: JobLook
     rig: JobIbl | JobRig
     turntable: JobTurntable
     number: int
@@ -80,7 +80,7 @@ class JobFrame:
 
     @property
     def name(self) -> str:
-        return str(FrameName(self.table.name, self.rig.name, self.turntable.name, self.number))
+        return str(FrameName(self.job_look.name, self.rig.name, self.turntable.name, self.number))
 
     @property
     def gain(self) -> float:
@@ -114,9 +114,10 @@ class LiveFrame:
         samples: int,
         seeds: tuple[int, int],
     ) -> Floats:
-        """Return two independent halves (2, 1 + P, H, W, 4) of the picture and of its P derivatives, as `RenderLook`.
+        """Return two halves, (2, 1 + P, H, W, 4): independent renders of the picture and of its P derivatives.
 
-        The last axis is RGB and alpha. Derivatives with respect to numbers that the look does not read are 0.
+        The last axis is RGB and alpha. Derivatives with respect to numbers that the look does not read are 0. The
+        arguments after `scene` are those of `search.RenderLook`.
         """
         bindings = {key: self._live[key] for key in self._unknowns if key in self._live}
         live_values = {binding.parameter: values[self._unknowns[key].name] for key, binding in bindings.items()}
@@ -154,7 +155,7 @@ def live_frame(job: Job, frame: JobFrame, look: Look, unknowns: tuple[Unknown, .
     backend = BACKENDS[BACKEND]
     device = job.render.device if job.render.device in backend.devices else "cpu"
     backend.check_device(device)
-    setup = make_setup(frame.table.name, frame.rig.name, scene, sampling, SceneTasks(BACKEND, device))
+    setup = make_setup(frame.job_look.name, frame.rig.name, scene, sampling, SceneTasks(BACKEND, device))
     setup = replace(setup, exposure=frame.rig.exposure, rotation=frame.rig.rotation)
     pose = setup.poses(frame.turntable, job.camera.azimuth)[frame.number - 1]
     with (

@@ -112,7 +112,7 @@ def test_no_asset_has_more_corners_than_it_may_and_a_note_says_so():
     total = sum(len(mesh.corner_points) * 4**level for mesh, level in zip(meshes, result.levels, strict=True))
     assert 25_000 < total <= 100_000
     (note,) = result.notes
-    assert "refined less than their size in the frame asks for" in note
+    assert "refined less than the size in the frame requires" in note
     assert f"{result.levels[-1]} times instead of {free.levels[-1]}" in note
     assert "/large" in note
 
