@@ -107,7 +107,8 @@ def named_metal(**other_tokens: str) -> tuple[Parameter, ...]:
         token_parameter(
             "metalColor",
             METAL_COLORS,
-            "How a metal gets eta and k of red, green, blue. nearest: by its reflectance. bands: by means of its spectra.",
+            "How a metal gets eta and k of red, green, blue. nearest: by its reflectance. "
+            "bands: by means of its spectra.",
             agreement="own",
             expand=expand_tokens,
         ),

@@ -224,9 +224,8 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
             wo = flip(si.wi)
             mirrored = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n) < 0.0
             handedness = turn * dr.select(mirrored, mi.Float(-1.0), mi.Float(1.0))
-            # The handedness has two symbols: `handed` where a normal is converted from the frame of the UVs, and `hand`
-            # where the bitangent is computed.
-            values = {"wo_x": wo.x, "wo_y": wo.y, "wo_z": wo.z, "handed": handedness, "hand": handedness}
+            # `handed` is the symbol by which programs convert normals from the frame of the UVs to the shading frame.
+            values = {"wo_x": wo.x, "wo_y": wo.y, "wo_z": wo.z, "handed": handedness}
             values["inside"] = dr.select(turn < 0.0, mi.Float(1.0), mi.Float(0.0))
             inputs: dict[str, Any] = {}
 
