@@ -60,8 +60,8 @@ class Reader:
         if not attribute:
             return None
         source = self.network.follow(attribute)
-        if source is None:  # a connection is broken, and the network has the fault
-            raise NotCarriedError
+        if source is None:
+            raise NotCarriedError  # a connection is broken, and `follow` has added the fault
         if isinstance(source, OutputSource):
             return self._fit_channels(attribute, self.read_node(attribute, source), width)
         value = self.read_constant(attribute)
@@ -117,8 +117,8 @@ class Reader:
         Raises NotCarriedError where a node computes the value, or it is not finite or of an unsupported type.
         """
         source = self.network.follow(attribute)
-        if source is None:  # a connection is broken, and the network has the fault
-            raise NotCarriedError
+        if source is None:
+            raise NotCarriedError  # a connection is broken, and `follow` has added the fault
         if isinstance(source, OutputSource):
             raise NotCarriedError(f"{attribute.GetPath()} is computed by <{source.path}>; a constant would be right")
         if source.GetNumTimeSamples():
