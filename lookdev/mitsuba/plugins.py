@@ -91,9 +91,9 @@ def _constant(value: object, parameter: Parameter) -> Any:
 def _create_bsdf(properties: Properties, look: Look, textures: Mapping[str, tuple[Texture, Parameter]]) -> BSDF:
     """Return the BSDF of a look.
 
-    The stated constants of the look are live inputs: arguments of the program, not numbers in it. Textures of Mitsuba
-    can replace live inputs. `textures` has these textures, with the parameters that they set, by the names of the live
-    inputs.
+    The constants that the look's layers state are live inputs: the program takes them as arguments (see
+    `stated_constants`). All other constants are numbers in the program. Textures of Mitsuba can replace live inputs.
+    `textures` has these textures, with the parameters that they set, by the names of the live inputs.
     """
     live = stated_constants(look)
     source = generate_program(look, image_file, live=live)
@@ -223,8 +223,9 @@ def _bsdf_class(variant: str) -> Callable[..., BSDF]:
 
             wo = flip(si.wi)
             mirrored = dr.dot(dr.cross(si.dp_du, si.dp_dv), si.sh_frame.n) < 0.0
-            handed = turn * dr.select(mirrored, mi.Float(-1.0), mi.Float(1.0))
-            values = {"wo_x": wo.x, "wo_y": wo.y, "wo_z": wo.z, "handed": handed, "hand": handed}
+            handedness = turn * dr.select(mirrored, mi.Float(-1.0), mi.Float(1.0))
+            # `handed` is the symbol by which programs convert normals from the frame of the UVs to the shading frame.
+            values = {"wo_x": wo.x, "wo_y": wo.y, "wo_z": wo.z, "handed": handedness}
             values["inside"] = dr.select(turn < 0.0, mi.Float(1.0), mi.Float(0.0))
             inputs: dict[str, Any] = {}
 

@@ -19,36 +19,77 @@ _MOVIE: dict[str, Any] = {
         "movie_turns": (int, Field(default=1, ge=1, le=100, description=_TURNS)),
         "slate": (float, Field(default=0.0, ge=0.0, le=60.0, description=_SLATE)),
     },
-    "extra": ("movie", "av"),
+    "extra": ("movie", "av"),  # the extra of this package, and the module whose presence shows that it is installed
 }
-# Fields of a movie of a single turntable, whose frames can have text.
-_REEL = {**_MOVIE, "can_burn_in": True}
+# Fields of an `Output` that all movies of a single turntable share: text can be burned into their frames.
+_TURNTABLE_MOVIE = {**_MOVIE, "can_burn_in": True}
 
 OUTPUTS: dict[str, Output] = {
     output.name: output
     for output in (
-        Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True, can_burn_in=True),
-        Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_contact_sheet, True),
+        Output(
+            "png",
+            "A display picture beside each EXR.",
+            scope="frame",
+            suffix=".png",
+            write=write_picture,
+            default=True,
+            can_burn_in=True,
+        ),
+        Output(
+            "sheet",
+            "A contact sheet for each turntable.",
+            scope="turntable",
+            suffix=".sheet.png",
+            write=write_contact_sheet,
+            default=True,
+        ),
         Output(
             "overview",
             "A sheet of all looks side by side, for each light and turntable: the first frame of each look.",
-            "looks",
-            ".looks.png",
-            write_overview,
+            scope="looks",
+            suffix=".looks.png",
+            write=write_overview,
             options={"overview_columns": (int | None, Field(default=None, ge=1, le=1000, description=_COLUMNS))},
         ),
         Output(
-            "wedges", "A sheet for each [[wedge]], look and light.", "wedge", ".wedge.png", write_contact_sheet, True
+            "wedges",
+            "A sheet for each [[wedge]], look and light.",
+            scope="wedge",
+            suffix=".wedge.png",
+            write=write_contact_sheet,
+            default=True,
         ),
-        Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_REEL),
-        Output("prores", "A movie of each turntable with alpha, ProRes.", "turntable", ".mov", write_prores, **_REEL),
-        Output("vp9", "A movie of each turntable with alpha, VP9 in WebM.", "turntable", ".webm", write_vp9, **_REEL),
+        Output(
+            "movie",
+            "A movie of each turntable, H.264 in MP4.",
+            scope="turntable",
+            suffix=".mp4",
+            write=write_h264,
+            **_TURNTABLE_MOVIE,
+        ),
+        Output(
+            "prores",
+            "A movie of each turntable with alpha, ProRes.",
+            scope="turntable",
+            suffix=".mov",
+            write=write_prores,
+            **_TURNTABLE_MOVIE,
+        ),
+        Output(
+            "vp9",
+            "A movie of each turntable with alpha, VP9 in WebM.",
+            scope="turntable",
+            suffix=".webm",
+            write=write_vp9,
+            **_TURNTABLE_MOVIE,
+        ),
         Output(
             "grid",
             "A movie of all looks side by side, in step, for each light and turntable, H.264.",
-            "step",
-            ".looks.mp4",
-            write_grid,
+            scope="looks in step",
+            suffix=".looks.mp4",
+            write=write_grid,
             **_MOVIE,
         ),
     )

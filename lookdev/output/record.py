@@ -76,9 +76,9 @@ class Output:
         The key of ``[outputs]`` that turns the output on, and a sentence about the file.
     scope
         The frames that go into one file. "frame": a single frame. "turntable": the frames of a turntable. "looks": the
-        first frame of each look under a light. "step": all frames of all looks under a light, in the order of time, so
-        that for each step in time there is a frame of each look. "wedge": the first frame of each cell of a wedge,
-        which is a table of variations of a look.
+        first frame of each look under a light in a turntable. "looks in step": all frames of all looks under a light in
+        a turntable: the first frame of each look, then the second of each, and so on. "wedge": the first frame of each
+        cell of a wedge, which is a table of variations of a look.
     suffix
         End of the file name, after the name of the frame or of the turntable.
     write
@@ -95,7 +95,7 @@ class Output:
 
     name: str
     help: str
-    scope: Literal["frame", "turntable", "looks", "step", "wedge"]
+    scope: Literal["frame", "turntable", "looks", "looks in step", "wedge"]
     suffix: str
     write: Callable[[Path, FrameSequence], None]
     default: bool = False

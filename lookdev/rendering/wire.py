@@ -1,6 +1,7 @@
 """The input of a worker process: tasks as lines of JSON, which the parent writes to the worker's standard input.
 
-All workers take frames. Some also take scenes, before the first frame of the scene, or pictures with derivatives.
+All workers take frames. Some workers also take pictures with derivatives, or scenes: a scene is sent before its first
+frame, so that the worker can prepare the scene.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _TASK_NAMES = {SceneTask: "scene task", DerivativeTask: "picture with derivative
 
 
 def encode_task(task: WorkerTask) -> str:
-    """Return a task as one line of JSON, without a newline; floats survive exactly."""
+    """Return a task as one line of JSON, without a newline; floats are read back exactly."""
     return _TASK.dump_json(task).decode()
 
 
@@ -44,7 +45,7 @@ def decode_frame_task(line: str) -> FrameTask:
     task = decode_task(line)
     if not isinstance(task, FrameTask):
         raise WorkerError(
-            f"the line is a {_TASK_NAMES[type(task)]}, not a frame task: the worker's backend is not sent any"
+            f"the line is a {_TASK_NAMES[type(task)]}, not a frame task; this worker takes only frame tasks"
         )
     return task
 
@@ -57,7 +58,9 @@ def decode_task(line: str) -> WorkerTask:
     try:
         return _TASK.validate_json(line)
     except ValidationError as error:
-        raise WorkerError(f"the line is neither a frame task nor a scene task: {error}") from error
+        raise WorkerError(
+            f"the line is not a frame task, a scene task or a picture with derivatives: {error}"
+        ) from error
 
 
 class FrameCancelled(RenderError):

@@ -94,8 +94,11 @@ def chunks_data(plan: Plan, division: Division) -> dict[str, object]:
     return {"output": str(plan.output), "chunks": [asdict(chunk) for chunk in chunk_summaries(plan, division)]}
 
 
-def remove_divisions(state: Path) -> None:
-    """Remove the stored divisions from a state folder. Call this when all frames of the output are done."""
+def remove_chunk_divisions(state: Path) -> None:
+    """Remove the stored divisions of plans into chunks from a state folder.
+
+    Call this when all frames of the output are done.
+    """
     for file in state.glob("chunks.*.json"):
         file.unlink(missing_ok=True)
 

@@ -220,7 +220,7 @@ def _output_files(plan: Plan, output: Output) -> Iterator[PictureFile]:
         for (ibl, turntable), reels in sides.items():
             path = plan.output / ibl / (turntable + output.suffix)
             all_steps = zip(*(reel.files for reel in reels), strict=True)
-            steps = all_steps if output.scope == "step" else islice(all_steps, 1)
+            steps = all_steps if output.scope == "looks in step" else islice(all_steps, 1)
             yield file([path], (ibl, turntable), chain.from_iterable(steps), (reel.look for reel in reels))
 
 

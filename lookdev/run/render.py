@@ -25,7 +25,7 @@ from lookdev.rendering.executors.choice import LOCAL_OPTIONS, ExecutorOptions, o
 from lookdev.rendering.executors.protocol import Executor, WorkerFiles
 from lookdev.rendering.task import SceneTask
 from lookdev.rendering.worker import ANSWER_TIMEOUT
-from lookdev.run.chunks import plan_of_chunk, remove_divisions
+from lookdev.run.chunks import plan_of_chunk, remove_chunk_divisions
 from lookdev.run.events import Noted, ReportEvent, RunJoined
 from lookdev.run.frame_file import store_frame
 from lookdev.run.frames import RunFrames, RunResult
@@ -81,7 +81,8 @@ def render_job(
     output
         The output folder, instead of the job's.
     chunk
-        Render only the frames of this chunk, without files of several frames and without the manifest.
+        The chunk to render; None renders all frames. For a chunk, the run writes neither the manifest nor the files
+        that are made from several frames, such as contact sheets and movies.
     force, only, outputs_only, report
         As for `run_plan`.
     executor_options
@@ -131,7 +132,7 @@ def render_job(
 
             record_run(job, plan)
             if result.done == result.total and not run.others():
-                remove_divisions(run.state)
+                remove_chunk_divisions(run.state)
                 remove_failures(run.state)
                 run.remove_logs()
         report(result.event)
@@ -176,8 +177,9 @@ def _lacks_frames(job: Job) -> bool:
     for look in job.look:
         wild = "*" in look.variants.values()
         names = [folder.name for folder in job.output.glob(f"{look.name}_*")] if wild else [look.name]
-        reels = list(product(names, (rig.name for rig in job.rigs), turns.turntables))
-        if not reels or not all(file.exists() for reel in reels for file in turns.files(*reel)):
+        # The names of a look, a rig and a turntable determine the files of a sequence of frames.
+        name_triples = list(product(names, (rig.name for rig in job.rigs), turns.turntables))
+        if not name_triples or not all(file.exists() for triple in name_triples for file in turns.files(*triple)):
             return True
     return False
 

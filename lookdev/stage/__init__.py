@@ -36,8 +36,9 @@ _ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 def usd_errors_as_faults(file: Path) -> Iterator[list[str]]:
     """Turn USD's exceptions in the block, which reads `file`, into a `StageError`, and collect USD's warnings.
 
-    The block gets a list, to which the warnings are added when the block ends. Of all warnings from one source line of
-    USD, the list has the first and the number of others. No warning goes to stderr.
+    The block gets a list, to which the warnings are added when the block ends. The warnings that one line of
+    USD's C++ code issues are a group. For each group, the list has a text with the first warning and the number of
+    different others. No warning goes to stderr.
     """
     diagnostics = UsdUtils.CoalescingDiagnosticDelegate()
     warnings: list[str] = []
@@ -321,7 +322,7 @@ def _ineffective_overrides(stage: Usd.Stage, layer: Path, over: Sdf.Layer) -> li
 
 
 def _warning_text(messages: UsdUtils.CoalescingDiagnosticDelegateItem) -> str:
-    """Return the first of a group of USD's warnings from one source line, and the number of others."""
+    """Return the first warning of a group, which one line of USD's code issued, and the number of different others."""
     try:
         texts = list(dict.fromkeys(message.commentary for message in messages.unsharedItems))
     except UnicodeDecodeError:  # USD quotes text of the file
@@ -340,7 +341,7 @@ def error_message(error: Tf.ErrorException) -> str:
 
 def clean_usd_message(text: str) -> str:
     """Return a USD message, shortened and without names of USD's source files and of layers in memory."""
-    text = re.sub(r"parse error matching pxr.*", "USD's syntax ends here", text)
+    text = re.sub(r"parse error matching pxr.*", "the text from here on is not valid USD", text)
     text = text.replace(":SDF_FORMAT_ARGS:target=usd", "")
     return shorten(re.sub(r",@anon:[^@]*@", "", text).strip())
 

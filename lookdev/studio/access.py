@@ -42,13 +42,13 @@ class RequestGuard:
     """An ASGI application that checks each request, and passes it to `app` or refuses it; refusals are logged.
 
     The value of `Host`, and the site in `Origin` if there is one, must be in `allowed` (see `authorities`). A body has
-    at most `MAX_BODY_BYTES`, unless the path of its request is in `uploads`.
+    at most `MAX_BODY_BYTES`, unless the path of its request is in `upload_paths`.
     """
 
-    def __init__(self, app: ASGIApp, allowed: frozenset[str], uploads: Iterable[str] = ()) -> None:
+    def __init__(self, app: ASGIApp, allowed: frozenset[str], upload_paths: Iterable[str] = ()) -> None:
         self._app = app
         self._allowed = allowed
-        self._uploads = frozenset(uploads)
+        self._upload_paths = frozenset(upload_paths)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
@@ -78,7 +78,7 @@ class RequestGuard:
 
     def _limit_body(self, scope: Scope, receive: Receive) -> Receive:
         """Return `receive`, or a function in its place that disconnects a client that sends too large a body."""
-        if scope["type"] != "http" or scope["path"] in self._uploads:
+        if scope["type"] != "http" or scope["path"] in self._upload_paths:
             return receive
         size = 0
 

@@ -95,13 +95,18 @@ def _is_local(host: str) -> bool:
 
 
 def serve_page(
-    app: Callable[[], ASGIApp], address: Address, uploads: Sequence[str], *, browser: bool, say: Callable[[str], None]
+    app: Callable[[], ASGIApp],
+    address: Address,
+    upload_paths: Sequence[str],
+    *,
+    browser: bool,
+    say: Callable[[str], None],
 ) -> None:
     """Listen at an address, print its URL by `say`, and serve an application there until SIGINT or SIGTERM.
 
-    `app` makes the application, after the server has begun to listen. `uploads` are the paths of requests whose bodies
-    have no limit (see `RequestGuard`). With `browser`, the user's browser opens the URL. Raises what `bind_address`
-    raises.
+    `app` makes the application, after the server has begun to listen. `upload_paths` are the paths of requests whose
+    bodies have no limit (see `RequestGuard`). With `browser`, the user's browser opens the URL. Raises what
+    `bind_address` raises.
     """
     bound = bind_address(address)
     if not bound.is_requested_port:
@@ -112,7 +117,7 @@ def serve_page(
         if browser:
             open_browser(bound.url)
 
-    serve(app(), bound, uploads, announce)
+    serve(app(), bound, upload_paths, announce)
 
 
 class _Server(uvicorn.Server):
@@ -123,14 +128,14 @@ class _Server(uvicorn.Server):
 
 
 def serve(
-    app: ASGIApp, bound: BoundSocket, uploads: Sequence[str] = (), on_start: Callable[[], None] = lambda: None
+    app: ASGIApp, bound: BoundSocket, upload_paths: Sequence[str] = (), on_start: Callable[[], None] = lambda: None
 ) -> None:
     """Serve an application at a bound socket until SIGINT or SIGTERM; call `on_start` when the server has started.
 
     These signals are the normal end of a server, so they raise no exception. Open connections have a second to close.
     """
     config = uvicorn.Config(
-        RequestGuard(app, bound.allowed, uploads),
+        RequestGuard(app, bound.allowed, upload_paths),
         log_config=None,
         access_log=False,
         server_header=False,

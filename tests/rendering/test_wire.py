@@ -73,7 +73,7 @@ def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeS
 def test_a_scene_is_told_from_a_frame(task: FrameTask) -> None:
     assert decode_task(encode_task(task)) == task
     assert decode_task(encode_task(task.scene)) == task.scene
-    with pytest.raises(WorkerError, match="a scene task, not a frame task"):
+    with pytest.raises(WorkerError, match="a scene task, not a frame task; this worker takes only frame tasks"):
         decode_frame_task(encode_task(task.scene))
 
 

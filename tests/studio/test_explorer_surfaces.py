@@ -49,10 +49,10 @@ def test_words_are_described(surfaces: Surfaces) -> None:
             assert description["values"][name] == stated[name] != description["usual"][name]
 
 
-@pytest.mark.parametrize("moving", ["roughness", "baseColor", "", "nothing", "variant"])
-def test_a_faster_surface_has_the_same_f(moving: str) -> None:
+@pytest.mark.parametrize("moved_parameter", ["roughness", "baseColor", "", "nothing", "variant"])
+def test_a_faster_surface_has_the_same_f(moved_parameter: str) -> None:
     subject = read_subject("disney:roughness=.3,clearcoat=.5")
-    accelerated = accelerate(subject, moving)
+    accelerated = accelerate(subject, moved_parameter)
     assert accelerated.evaluate_fast is not None
     assert accelerated.evaluate_fast(WO, WI) == pytest.approx(evaluate(subject.bsdf, WO, WI), rel=1e-12)
 

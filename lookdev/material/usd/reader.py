@@ -1,8 +1,9 @@
 """Reads the networks of materials of foreign shading models: the values of inputs, be they constants or from nodes.
 
 A value is *carried over* if a look can have it. Otherwise NotCarriedError is raised. The reason becomes a fault of the
-network; the material is still read, and the input has its default. The modules `nodes` and `sampling` read the single
-kinds of nodes.
+network; the material is still read, and the input has its default. A *term* is a value that is carried over, a
+`NodeValue`; its text can be part of the texts of other terms. The modules `nodes` and `sampling` read the single kinds
+of nodes.
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ _NUMBERS = (bool, int, float, Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, 
 class Reader:
     """Reads values of inputs in the network of one material.
 
-    `node_readers` maps the category of a node to the function that reads the node. `terms` makes the values. `missing`
-    lists images that are missing or unreadable and have no fallback; they are not among the faults of the network.
+    `node_readers` maps the category of a node to the function that reads the node. `terms` makes terms,
+    from sources such as textures and from other terms. `missing` lists images that are missing or unreadable and have
+    no fallback; they are not among the faults of the network.
     """
 
     def __init__(self, network: Network, node_readers: Mapping[str, Callable[[UsdNode], NodeValue]]) -> None:
@@ -57,18 +59,18 @@ class Reader:
         """
         if not attribute:
             return None
-        holder = self.network.follow(attribute)
-        if holder is None:
-            raise NotCarriedError
-        if isinstance(holder, OutputSource):
-            return self._fit_channels(attribute, self.read_node(attribute, holder), width)
+        source = self.network.follow(attribute)
+        if source is None:
+            raise NotCarriedError  # a connection is broken, and `follow` has added the fault
+        if isinstance(source, OutputSource):
+            return self._fit_channels(attribute, self.read_node(attribute, source), width)
         value = self.read_constant(attribute)
         if value is None:
             return None
         if not isinstance(value, tuple):
-            raise NotCarriedError(f"holds a value of type {holder.GetTypeName()}")
-        if holder.GetTypeName().role == Sdf.ValueRoleNames.Color and len(value) >= 3:
-            space = self.colorspace(attribute, colorspace_of(holder))
+            raise NotCarriedError(f"holds a value of type {source.GetTypeName()}")
+        if source.GetTypeName().role == Sdf.ValueRoleNames.Color and len(value) >= 3:
+            space = self.colorspace(attribute, colorspace_of(source))
             value = (*to_linear_rec709(value[:3], space).tolist(), *value[3:])
         return self._fit_channels(attribute, constant(*value), width)
 
@@ -114,14 +116,14 @@ class Reader:
 
         Raises NotCarriedError where a node computes the value, or it is not finite or of an unsupported type.
         """
-        holder = self.network.follow(attribute)
-        if holder is None:
-            raise NotCarriedError
-        if isinstance(holder, OutputSource):
-            raise NotCarriedError(f"{attribute.GetPath()} is computed by <{holder.path}>; a constant would be right")
-        if holder.GetNumTimeSamples():
+        source = self.network.follow(attribute)
+        if source is None:
+            raise NotCarriedError  # a connection is broken, and `follow` has added the fault
+        if isinstance(source, OutputSource):
+            raise NotCarriedError(f"{attribute.GetPath()} is computed by <{source.path}>; a constant would be right")
+        if source.GetNumTimeSamples():
             self.network.add_fault(attribute, "is animated", "its first sample is taken")
-        value = holder.Get(Usd.TimeCode.EarliestTime())
+        value = source.Get(Usd.TimeCode.EarliestTime())
         if value is None or isinstance(value, str | Sdf.AssetPath):
             return value
         if isinstance(value, _NUMBERS):
@@ -130,7 +132,7 @@ class Reader:
                 return numbers
             self.network.add_fault(attribute, f"{value} is not finite", f"it must be within {MAX_MAGNITUDE:g}")
         else:
-            self.network.add_fault(attribute, f"holds a value of type {holder.GetTypeName()}, which is not read")
+            self.network.add_fault(attribute, f"holds a value of type {source.GetTypeName()}, which is not read")
         raise NotCarriedError
 
     def colorspace(self, attribute: Usd.Attribute, name: str) -> str:
@@ -200,9 +202,9 @@ class UsdNode:
         attribute = self.attribute(name)
         if attribute is None:
             return constant(*default)
-        holder = self.reader.network.follow(attribute)
-        if isinstance(holder, OutputSource):
-            return self.reader.read_node(attribute, holder)
+        source = self.reader.network.follow(attribute)
+        if isinstance(source, OutputSource):
+            return self.reader.read_node(attribute, source)
         value = self.reader.read_constant(attribute)
         if value is not None and not isinstance(value, tuple):
             raise NotCarriedError(f"inputs:{name} is not a number")

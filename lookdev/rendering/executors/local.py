@@ -187,9 +187,10 @@ class LocalExecutor:
             yield event
 
     def _is_worker_worthwhile(self, frames: FrameQueue, memory: int, seconds: float) -> bool:
-        """Return whether another worker gains more than it costs, by idle cores since the last measurement and memory.
+        """Return whether another worker gains more than it costs.
 
-        memory : the bytes that a worker takes; seconds : the seconds that a frame takes.
+        This depends on the free memory, and on the cores that were idle since the last measurement. `memory` is the
+        number of bytes that a worker takes, and `seconds` is the time that a frame takes.
         """
         now = CpuUse.of(pid for thread in self._threads if (pid := thread.worker.pid) is not None)
         before = self._use_before

@@ -24,7 +24,7 @@ from lookdev.studio.scripts import Scripts
 STATIC = Path(__file__).parent / "static"
 VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
 
-UPLOADS = tuple(path for panel in PANELS if panel.routes for path in panel.routes.uploads)
+UPLOAD_PATHS = tuple(path for panel in PANELS if panel.routes for path in panel.routes.upload_paths)
 """The paths of requests that may have bodies larger than `MAX_BODY_BYTES`."""
 
 

@@ -49,11 +49,11 @@ MakeRoute = Callable[[Callable[..., Any]], BaseRoute]  # makes a route of a boun
 class Routes:
     """The base class of a panel's routes: its methods answer requests of the page, and its attributes are their state.
 
-    The decorators `json_route`, `raw_route` and `socket_route` give a method its path. `uploads` are the paths of
+    The decorators `json_route`, `raw_route` and `socket_route` give a method its path. `upload_paths` has the paths of
     requests whose bodies may be larger than `access.MAX_BODY_BYTES`.
     """
 
-    uploads: ClassVar[tuple[str, ...]] = ()
+    upload_paths: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, session: Session) -> None:
         self.session = session

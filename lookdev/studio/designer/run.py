@@ -8,7 +8,7 @@ from pathlib import Path
 from lookdev.asset import BUILTINS
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.studio import Address
-from lookdev.studio.designer.app import UPLOADS, DesignerApp
+from lookdev.studio.designer.app import UPLOAD_PATHS, DesignerApp
 from lookdev.studio.designer.open_document import open_document
 from lookdev.studio.server import serve_page
 
@@ -32,7 +32,7 @@ def design(source: str, material: Path | None, address: Address, *, browser: boo
         None if source in BUILTINS else file, source if source in BUILTINS else None, material, recovers=True
     )
     try:
-        serve_page(lambda: DesignerApp(document).application(), address, UPLOADS, browser=browser, say=say)
+        serve_page(lambda: DesignerApp(document).application(), address, UPLOAD_PATHS, browser=browser, say=say)
     finally:
         if document.close():
             say("unsaved edits are kept: the same command offers them")

@@ -32,7 +32,7 @@ class Session:
         """Drop the library, so that the next use reads it anew."""
         self._library = None
 
-    def change_answer(self, compiles: bool = False) -> Mapping[str, Any]:
+    def answer_to_change(self, compiles: bool = False) -> Mapping[str, Any]:
         """Return the answer to a request that changes the document: its status, and whether shaders change.
 
         If `compiles` is true, the page must get the scene with its shaders anew, and compile them.

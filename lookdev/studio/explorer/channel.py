@@ -33,7 +33,25 @@ _CONCURRENT_REQUESTS = 3
 """Number of requests of one page that are computed at the same time."""
 
 _COMPUTATIONS = ("values", "describe", "shader", "pairs", "dome", "usd", "command")
-"""The values of ``do`` in requests that `_compute` answers: all except ``render`` and ``cancel``."""
+"""The values of ``do`` in requests that `_compute` answers: all except ``render`` and ``cancel``.
+
+``values``
+    The values of a surface in a plot.
+``describe``
+    The data of a surface that the page edits, such as its model and parameters.
+``shader``
+    The GLSL functions of a surface, and the tables that they read.
+``pairs``
+    Python's values of a surface at random pairs of directions, with which the page compares its shader.
+``dome``
+    The light of the dome, as a map and as samples.
+``usd``
+    The look of a surface as USD text.
+``command``
+    The command line that writes the same plot.
+"""
+_REQUESTS = (*_COMPUTATIONS, "render", "cancel")
+"""All values of ``do``."""
 
 
 class InvalidRequest(LookdevError):
@@ -134,9 +152,9 @@ def _parse_request(text: object) -> dict[str, object]:
         raise InvalidRequest(str(error)) from None
     if not isinstance(request, dict):
         raise InvalidRequest("a JSON object would be right")
-    if request.get("do") not in (*_COMPUTATIONS, "render", "cancel"):
+    if request.get("do") not in _REQUESTS:
         raise InvalidRequest(
-            f"do is {shorten(repr(request.get('do')), 40)}; one of {', '.join(_COMPUTATIONS)} would be right"
+            f"do is {shorten(repr(request.get('do')), 40)}; one of {', '.join(_REQUESTS)} would be right"
         )
     if isinstance(request.get("id"), bool) or not isinstance(request.get("id"), int) or request["id"] < 0:
         raise InvalidRequest("id: a whole number would be right")
@@ -202,10 +220,14 @@ def _compute(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage
 
 
 def _plot_values(surfaces: Surfaces, request: Mapping[str, object]) -> SocketMessage:
-    """Return the values of a surface in a plot; for a sampling test, add a note on the result of the test."""
+    """Return the values of a surface in a plot; for a sampling test, add a note on the result of the test.
+
+    ``moving`` is the name of the parameter whose slider the user has moved last, or "" if there is none. ``draft`` is
+    whether a faster draft of the values is enough.
+    """
     kind, options = _text_value(request, "kind"), parse_options(request.get("options", {}))
     kind_named(kind)  # raises an error if there is no such kind
-    surface, moving = _text_value(request, "surface"), _text_value(request, "moving", "")
-    values = surfaces.values(kind, surface, options, request.get("draft") is True, moving)
+    surface, moved_parameter = _text_value(request, "surface"), _text_value(request, "moving", "")
+    values = surfaces.values(kind, surface, options, request.get("draft") is True, moved_parameter)
     note = {"note": sampling_note(values)} if "test" in values else {}
     return encode_packet({"id": request["id"], **note}, values)

@@ -34,32 +34,32 @@ _CACHE_SIZE = 64  # largest number of cached subjects, and of cached programs
 
 @dataclass(frozen=True)
 class _LayersKey:
-    """A hashable key of layers whose parameters are constants, without the value of the parameter `moving`.
+    """A hashable key of layers whose parameters are constants, without the values of one parameter.
 
-    A slider moves this parameter, so a program is compiled for all its values. Each of `layers` has the model, the
-    mode, the mask, and the names and values of the parameters.
+    `moved_parameter` is the name of this parameter, or "". The user moves its slider, so one program is compiled for
+    all its values. Each of `layers` has the model, the mode, the mask, and names and values of the other parameters.
     """
 
     layers: tuple[tuple[str, str, float, tuple[tuple[str, str | tuple[float, ...]], ...]], ...]
-    moving: str
+    moved_parameter: str
 
     @classmethod
-    def of(cls, layers: Sequence[StackLayer], moving: str) -> _LayersKey:
+    def of(cls, layers: Sequence[StackLayer], moved_parameter: str) -> _LayersKey:
         """Return the key of layers."""
         layer_keys = []
         for layer in layers:
             values = tuple(
                 (name, value if isinstance(value, str) else tuple(np.ravel(value).tolist()))
                 for name, value in layer.parameters.items()
-                if name != moving
+                if name != moved_parameter
             )
             layer_keys.append((layer.model, layer.mode, float(np.asarray(layer.mask)), values))
-        return cls(tuple(layer_keys), moving)
+        return cls(tuple(layer_keys), moved_parameter)
 
 
 @lru_cache(maxsize=_CACHE_SIZE)
 def _compile_layers_of(key: _LayersKey) -> CompiledProgram:
-    """Return the compiled program of layers, whose parameter `key.moving` is an input of the program."""
+    """Return the compiled program of layers, whose parameter `key.moved_parameter` is an input of the program."""
 
     def make_layers(graph: Graph) -> list[StackLayer]:
         layers = []
@@ -69,34 +69,34 @@ def _compile_layers_of(key: _LayersKey) -> CompiledProgram:
                 parameter: value if isinstance(value, str) else np.array(value if len(value) > 1 else value[0])
                 for parameter, value in values
             }
-            if moving := model.parameters.get(key.moving):
-                names = [f"{moving.name}_{i}" for i in range(3)]
-                numbers[moving.name] = symbol(graph, moving.name) if moving.kind == "float" else symbols(graph, names)
+            if moved := model.parameters.get(key.moved_parameter):
+                names = [f"{moved.name}_{i}" for i in range(3)]
+                numbers[moved.name] = symbol(graph, moved.name) if moved.kind == "float" else symbols(graph, names)
             layers.append(StackLayer(name, numbers, np.asarray(mask), mode))  # type: ignore[arg-type]
         return layers
 
     return compile_layers(make_layers)
 
 
-def accelerate(subject: PlotSubject, moving: str = "") -> PlotSubject:
+def accelerate(subject: PlotSubject, moved_parameter: str = "") -> PlotSubject:
     """Return a subject whose BSDF f is evaluated by a compiled program.
 
-    The program is the same for all values of the parameter `moving`. Subjects of measured data would gain little, and
-    subjects whose parameters change with the view cannot be compiled. All these, and subjects of delta lobes alone, are
-    returned unchanged.
+    The program is the same for all values of the parameter with the name `moved_parameter`. Subjects of measured data
+    would gain little, and subjects whose parameters change with the view cannot be compiled. All these, and subjects of
+    delta lobes alone, are returned unchanged.
     """
     if not subject.layers or not subject.is_view_independent or subject.is_delta:
         return subject
     if any(parameter.file for layer in subject.layers for parameter in MODELS[layer.model].parameters.values()):
         return subject
     parameters = subject.parameters
-    if parameters is None or moving not in parameters or isinstance(parameters[moving], str):
-        moving = ""
-    program = _compile_layers_of(_LayersKey.of(subject.layers, moving))
+    if parameters is None or moved_parameter not in parameters or isinstance(parameters[moved_parameter], str):
+        moved_parameter = ""
+    program = _compile_layers_of(_LayersKey.of(subject.layers, moved_parameter))
     numbers = {}
-    if parameters is not None and moving:
-        value = np.asarray(parameters[moving])
-        names = [f"{moving}_{i}" for i in range(len(value))] if value.ndim else [moving]
+    if parameters is not None and moved_parameter:
+        value = np.asarray(parameters[moved_parameter])
+        names = [f"{moved_parameter}_{i}" for i in range(len(value))] if value.ndim else [moved_parameter]
         numbers = dict(zip(names, map(float, value.ravel()), strict=True))
 
     def f(wo: Floats, wi: Floats) -> Floats:
@@ -129,14 +129,16 @@ class Surfaces:
                 self._subjects.pop(old, None)
         return subject
 
-    def values(self, kind: str, text: str, options: PlotOptions, draft: bool = False, moving: str = "") -> PlotValues:
+    def values(
+        self, kind: str, text: str, options: PlotOptions, draft: bool = False, moved_parameter: str = ""
+    ) -> PlotValues:
         """Return the values of a surface in a kind of plot, or with `draft` the values of a faster draft, if any.
 
-        `moving` is the parameter that a slider moves at present, or empty.
+        `moved_parameter` is the name of the parameter whose slider the user has moved last, or "" if there is none.
         """
         plot_kind = kind_named(kind)
         compute = plot_kind.draft if draft and plot_kind.draft else plot_kind.values
-        return compute(accelerate(self.subject(text), moving), options)
+        return compute(accelerate(self.subject(text), moved_parameter), options)
 
     def describe(self, text: str) -> dict[str, object]:
         """Return the data of a surface that a page edits: label, base, model and all parameter values.

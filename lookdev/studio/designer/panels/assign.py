@@ -14,7 +14,7 @@ class AssignRoutes(Routes):
     @json_route("/assign", "POST")
     def assign_look(self, query: Query) -> Mapping[str, Any]:
         """Assign a look to parts, or unassign it."""
-        return self.session.change_answer(self.document.assign_look(query.body))
+        return self.session.answer_to_change(self.document.assign_look(query.body))
 
     @json_route("/materials")
     def list_materials(self, query: Query) -> Mapping[str, Any]:

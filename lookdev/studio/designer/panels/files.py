@@ -23,20 +23,20 @@ class FileRoutes(Routes):
         if is_wrong or (name is None and not isinstance(over, bool)):
             raise LookdevError("a request to save has a look's number and a file's name, or 'over', true or false")
         files = self.document.save(look, name, overwrite=over is True)
-        return {**self.session.change_answer(), "files": list(map(str, files))}
+        return {**self.session.answer_to_change(), "files": list(map(str, files))}
 
     @json_route("/disk", "POST")
     def settle_change_on_disk(self, query: Query) -> Mapping[str, Any]:
         """Load files that have changed on disk, or keep their edits; restore or discard unsaved work."""
         match query.body.get("do"):
             case "load":
-                return self.session.change_answer(self.document.reload())
+                return self.session.answer_to_change(self.document.reload())
             case "keep":
                 self.document.keep_edits()
             case "restore":
-                return self.session.change_answer(self.document.recover(restore=True))
+                return self.session.answer_to_change(self.document.recover(restore=True))
             case "discard":
                 self.document.recover(restore=False)
             case _:
                 raise LookdevError("an action on a changed file is load, keep, restore or discard")
-        return self.session.change_answer()
+        return self.session.answer_to_change()

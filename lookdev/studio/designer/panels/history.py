@@ -18,4 +18,4 @@ class HistoryRoutes(Routes):
         redo = query.body.get("redo")
         if not isinstance(redo, bool):
             raise LookdevError("a step of the history has 'redo', true or false")
-        return self.session.change_answer(self.document.undo(1 if redo else -1))
+        return self.session.answer_to_change(self.document.undo(1 if redo else -1))

@@ -15,7 +15,7 @@ class LayerRoutes(Routes):
     @json_route("/edit", "POST")
     def edit(self, query: Query) -> Mapping[str, Any]:
         """Change a constant of a layer."""
-        return self.session.change_answer(self.document.edit(parse_edit(query.body)))
+        return self.session.answer_to_change(self.document.edit(parse_edit(query.body)))
 
     @json_route("/stack", "POST")
     def edit_stack(self, query: Query) -> Mapping[str, Any]:
@@ -31,8 +31,8 @@ class LayerRoutes(Routes):
                 return {"file": str(file)}
             case "solo":
                 document.solo(look, None if body.get("layer") is None else query.number("layer"))
-                return self.session.change_answer(True)
-        return self.session.change_answer(document.edit_stack(look, body))
+                return self.session.answer_to_change(True)
+        return self.session.answer_to_change(document.edit_stack(look, body))
 
     @json_route("/images")
     def list_images(self, query: Query) -> Mapping[str, Any]:

@@ -14,9 +14,9 @@ from lookdev.studio.designer.snapshots import MAX_PICTURE_BYTES
 
 
 class SnapshotRoutes(Routes):
-    """Requests that store a snapshot, whose picture is their body, and requests that show, drop or get a snapshot."""
+    """Requests that store, show, delete or get a snapshot. The body of a request that stores one is the picture."""
 
-    uploads = ("/picture",)
+    upload_paths = ("/picture",)
 
     @raw_route("/picture", "POST")
     async def store_snapshot(self, request: Request) -> Response:
@@ -25,25 +25,28 @@ class SnapshotRoutes(Routes):
         async for chunk in request.stream():
             content += chunk
             if len(content) > MAX_PICTURE_BYTES:
-                break  # `store_snapshot` refuses it as too large
+                break  # `Document.store_snapshot` refuses the picture, because it is too large
 
         def store() -> Mapping[str, Any]:
             self.document.store_snapshot(bytes(content))
-            return self.session.change_answer()
+            return self.session.answer_to_change()
 
         return await json_response(store)
 
     @json_route("/snapshots", "POST")
     def use_snapshot(self, query: Query) -> Mapping[str, Any]:
-        """Go back to the snapshot with number ``number``, or delete it."""
+        """Go back to the snapshot with the number ``number``, or delete this snapshot.
+
+        ``do`` is "show" or "drop". The answer is that of `Session.answer_to_change`.
+        """
         match query.body.get("do"):
             case "show":
-                return self.session.change_answer(self.document.show_snapshot(query.number("number")))
+                return self.session.answer_to_change(self.document.show_snapshot(query.number("number")))
             case "drop":
                 self.document.snapshots.drop(query.number("number"))
             case _:
                 raise LookdevError("a snapshot is shown or dropped")
-        return self.session.change_answer()
+        return self.session.answer_to_change()
 
     @raw_route("/snapshots/{number:int}")
     async def send_snapshot(self, request: Request) -> Response:
