@@ -179,6 +179,7 @@ def test_a_parameter_comes_back_within_its_error(llvm: str, tmp_path: Path) -> N
         ({"parameters": ()}, "no parameter is to be found"),
         ({"frame": "paint/light/element.0003"}, "has frames 1 to 2, not 3"),
         ({"frame": "gold"}, "has no look 'gold'"),
+        ({"frame": "out/paint/light/element.0001"}, "'out/paint/light/element.0001' is not the name of a frame"),
         ({"picture": "small.exr"}, r"is 16 x 8 pixels large, the job renders 32 x 32: .* \[16, 8\] would be right"),
         ({"picture": "shown.png"}, "is png, whose values are encoded for a display"),
         ({"picture": "none.exr"}, "no such image file"),

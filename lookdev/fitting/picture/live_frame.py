@@ -56,7 +56,11 @@ class JobFrame:
         If parts are missing at the end of the name, the first look, light, turntable or frame of the job is taken.
         `scenes` has the scene of each pair of look and light. Raises LookdevError if there is no such frame.
         """
-        look, light, last = (*name.split("/"), "", "")[:3] if name.count("/") < 3 else ("", "", "")
+        if name.count("/") > 2:
+            raise LookdevError(
+                f"{job.file}: '{name}' is not the name of a frame; LOOK/LIGHT/TURNTABLE.NUMBER would be right"
+            )
+        look, light, last = (*name.split("/"), "", "")[:3]
         stem, _, digits = last.rpartition(".") if last.rpartition(".")[2].isdigit() else (last, "", "1")
         looks = {look.name: look for look in job.look}
         rigs = {rig.name: rig for rig in job.rigs}
