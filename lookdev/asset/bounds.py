@@ -15,8 +15,9 @@ import numpy as np
 
 from lookdev.arrays import Floats, Floats32
 from lookdev.asset.mesh import Asset, Instance, Mesh
-from lookdev.asset.silhouette import hull_points
+from lookdev.asset.silhouette import hull_points, world_points
 
+_MANY_POINTS = 2**20  # of all instances: with more, only points that can be extreme are searched
 _MAX_ROUNDS = 100  # the most rounds of the search for the smallest ball
 _TOLERANCE = 1e-7  # relative to the ball's radius: a point that is outside by less counts as inside
 
@@ -26,7 +27,10 @@ def bounding_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tu
 
     The centre is rounded (`smallest_ball`). The radius is the distance from the rounded centre to the farthest point.
     """
-    (x, y, z), radius = smallest_ball(hull_points(meshes, instances))
+    count = sum(len(meshes[instance.mesh].points) for instance in instances)
+    # The hull takes SciPy, whose import takes longer than the search among a million points.
+    points = hull_points(meshes, instances) if count > _MANY_POINTS else world_points(meshes, instances)
+    (x, y, z), radius = smallest_ball(points)
     return (x, y, z), radius
 
 

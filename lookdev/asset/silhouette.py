@@ -63,6 +63,13 @@ def hull_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats
     return np.concatenate([polytope.corners, *placed.split().points_outside(polytope)])
 
 
+def world_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats:
+    """Return the points (n, 3) of the faces of all instances in world space."""
+    mesh_numbers = np.array([instance.mesh for instance in instances])
+    clouds = {number: _mesh_points(meshes[number], 1) for number in np.unique(mesh_numbers).tolist()}
+    return _PlacedClouds(clouds, mesh_numbers, np.array([instance.matrix for instance in instances])).points()
+
+
 class _Polytope:
     """The convex hull of points: its `corners` (c, 3) and its outward `planes` (p, 4).
 
