@@ -38,12 +38,11 @@ def hull_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats
     computed first: a polytope. Everything inside the polytope is dropped: instances and parts of instances if their
     bounding boxes are inside, then single points. The corners of the polytope and the remaining points are returned.
     """
-    mesh_numbers = np.array([instance.mesh for instance in instances])
-    uses = np.bincount(mesh_numbers, minlength=len(meshes)).tolist()
-    clouds = {number: _mesh_points(meshes[number], count) for number, count in enumerate(uses) if count}
-    placed = _PlacedClouds(clouds, mesh_numbers, np.array([instance.matrix for instance in instances]))
     if len(instances) == 1:
-        return placed.points()
+        return world_points(meshes, instances)
+    uses = np.bincount([instance.mesh for instance in instances]).tolist()
+    clouds = {number: _mesh_points(meshes[number], count) for number, count in enumerate(uses) if count}
+    placed = _PlacedClouds.of_instances(clouds, instances)
     # The points of each mesh that are extreme along a coordinate axis.
     extremes = {
         number: np.concatenate([cloud[cloud.argmin(axis=0)], cloud[cloud.argmax(axis=0)]])
@@ -65,9 +64,8 @@ def hull_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats
 
 def world_points(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Floats:
     """Return the points (n, 3) of the faces of all instances in world space."""
-    mesh_numbers = np.array([instance.mesh for instance in instances])
-    clouds = {number: _mesh_points(meshes[number], 1) for number in np.unique(mesh_numbers).tolist()}
-    return _PlacedClouds(clouds, mesh_numbers, np.array([instance.matrix for instance in instances])).points()
+    clouds = {number: _face_points(meshes[number]) for number in {instance.mesh for instance in instances}}
+    return _PlacedClouds.of_instances(clouds, instances).points()
 
 
 class _Polytope:
@@ -129,6 +127,12 @@ class _PlacedClouds:
     clouds: Mapping[int, Floats]
     cloud_numbers: Indices
     matrices: Floats
+
+    @classmethod
+    def of_instances(cls, clouds: Mapping[int, Floats], instances: Sequence[Instance]) -> _PlacedClouds:
+        """Return instances of meshes, whose points are `clouds`, by the number of the mesh."""
+        cloud_numbers = np.array([instance.mesh for instance in instances])
+        return cls(clouds, cloud_numbers, np.array([instance.matrix for instance in instances]))
 
     @property
     def size(self) -> int:
@@ -224,14 +228,19 @@ def _extreme_points(points: Floats, directions: Floats) -> Floats:
     return np.asarray(points[np.unique([(points @ direction).argmax() for direction in directions])])
 
 
+def _face_points(mesh: Mesh) -> Floats:
+    """Return the points (k, 3) of a mesh's faces in float64."""
+    is_used = np.zeros(len(mesh.points), np.bool_)
+    is_used[mesh.corner_points] = True
+    return mesh.points[is_used].astype(np.float64)
+
+
 def _mesh_points(mesh: Mesh, uses: int) -> Floats:
-    """Return the points of a mesh's faces in float64, or only the corners of their convex hull for many instances.
+    """Return the points of a mesh's faces, or only the corners of their convex hull for many instances.
 
     `uses` is the number of instances of the mesh.
     """
-    is_used = np.zeros(len(mesh.points), np.bool_)
-    is_used[mesh.corner_points] = True
-    points = mesh.points[is_used].astype(np.float64)
+    points = _face_points(mesh)
     return _hull_points(points) if uses >= _HULL_INSTANCES and len(points) > _FEW_POINTS else points
 
 
